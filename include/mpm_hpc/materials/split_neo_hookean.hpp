@@ -1,0 +1,176 @@
+// Neo-Hookean solid whose energy is split into a part that changes shape and a part that changes volume,
+// so that cracks are driven by tension and shear but not by compression (CD-MPM, Appendix C).
+#pragma once
+
+#include "mpm_hpc/materials/elastic_constants.hpp"
+#include "mpm_hpc/math/tensor.hpp"
+
+namespace mpm {
+
+// Psi_dev = mu/2 (J^(-2/d) tr F^T F - d), Psi_vol = kappa/2 ((J^2 - 1)/2 - ln J);
+// Psi+ = Psi_dev (+ Psi_vol if J >= 1), Psi- = Psi - Psi+.
+template <int Dim>
+struct SplitNeoHookean {
+  static constexpr const char* name = "split_neo_hookean";
+  static constexpr const char* doc = "neo-Hookean solid split into shape and volume change; can fracture";
+
+  Real mu = 0;     // [Pa]
+  Real kappa = 0;  // bulk modulus [Pa]
+
+  void declare(Parameters& parameters) {
+    ElasticConstants elastic;
+    elastic.declare(parameters);
+    mu = elastic.mu;
+    kappa = elastic.bulk_modulus<Dim>();
+  }
+
+  // tau = mu J^(-2/d) dev(b) + kappa/2 (J^2 - 1) I
+  template <class S>
+  SymTensor<S, Dim> kirchhoff_stress(const Tensor<S, Dim>& F) const {
+    const S J = determinant(F);
+    return stress_of_parts<S>(F, broadcast<S>(mu) * isochoric_factor(J), volumetric_stress(J));
+  }
+
+  // g tau+ + tau-
+  template <class S>
+  SymTensor<S, Dim> kirchhoff_stress_degraded(const Tensor<S, Dim>& F, const S& g) const {
+    const S J = determinant(F);
+    return stress_of_parts<S>(F, g * broadcast<S>(mu) * isochoric_factor(J),
+                              volumetric_weight(J, g) * volumetric_stress(J));
+  }
+
+  template <class S>
+  S energy_density(const Tensor<S, Dim>& F) const {
+    const S J = determinant(F);
+    return deviatoric_energy(F, J) + volumetric_energy(J);
+  }
+
+  template <class S>
+  S energy_plus(const Tensor<S, Dim>& F) const {
+    const S J = determinant(F), one = broadcast<S>(1.0), zero = broadcast<S>(0.0);
+    return deviatoric_energy(F, J) + select_less<S>(J, one, zero, volumetric_energy(J));
+  }
+
+  // g Psi+ + Psi-
+  template <class S>
+  S energy_degraded(const Tensor<S, Dim>& F, const S& g) const {
+    const S J = determinant(F);
+    return g * deviatoric_energy(F, J) + volumetric_weight(J, g) * volumetric_energy(J);
+  }
+
+  // A = 2 mu J^(-2/d) Q diag(s^2) Q + kappa J^2 1 1^T with the projector Q = I - 1 1^T / d. The two terms
+  // don't couple, and the largest eigenvalue of the first follows from the invariants of b: this bound is
+  // exact. Degradation only lowers it.
+  template <class S>
+  S stiffness_bound(const Tensor<S, Dim>& F) const {
+    const S J = determinant(F);
+    const SymTensor<S, Dim> b = left_cauchy_green(F);
+    S shear = broadcast<S>(1.0 / Dim) * trace(b);
+    if constexpr (Dim == 3) shear += broadcast<S>(1 / std::sqrt(6.0)) * norm(deviator(b));
+    return maximum<S>(broadcast<S>(2 * mu) * isochoric_factor(J) * shear, broadcast<S>(Dim * kappa) * J * J);
+  }
+
+  // A_aa = 2 mu J^(-2/d) ((1 - 2/d) s_a^2 + tr(b)/d^2) + kappa J^2
+  template <class S>
+  S wave_modulus(const Tensor<S, Dim>& F) const {
+    const S J = determinant(F);
+    const SymTensor<S, Dim> b = left_cauchy_green(F);
+    S shape = broadcast<S>(1.0 / (Dim * Dim)) * trace(b);
+    if constexpr (Dim == 3) shape += broadcast<S>(1.0 / 3.0) * largest_eigenvalue_bound(b);
+    return broadcast<S>(2 * mu) * isochoric_factor(J) * shape + broadcast<S>(kappa) * J * J;
+  }
+
+  template <class S>
+  Tensor<S, Dim> first_piola(const Tensor<S, Dim>& F) const {
+    const S J = determinant(F);
+    const Tensor<S, Dim> inverse_transpose = (broadcast<S>(1.0) / J) * cofactor(F);
+    return (broadcast<S>(mu) * isochoric_factor(J)) * deviatoric_direction(F, inverse_transpose) +
+           volumetric_stress(J) * inverse_transpose;
+  }
+
+  // With D = F - tr(b)/d F^-T and X = F^-T dF^T F^-T:
+  // dP = mu J^(-2/d) (dF - 2/d (F : dF) F^-T + tr(b)/d X - 2/d (F^-T : dF) D)
+  //      + kappa J^2 (F^-T : dF) F^-T - kappa/2 (J^2 - 1) X
+  template <class S>
+  Tensor<S, Dim> first_piola_differential(const Tensor<S, Dim>& F, const Tensor<S, Dim>& dF) const {
+    const S J = determinant(F);
+    const Tensor<S, Dim> inverse_transpose = (broadcast<S>(1.0) / J) * cofactor(F);
+    const Tensor<S, Dim> X = multiply(multiply(inverse_transpose, transpose(dF)), inverse_transpose);
+    const S shear = broadcast<S>(mu) * isochoric_factor(J);
+    const S rate = inner(inverse_transpose, dF);
+    const S two_over_d = broadcast<S>(2.0 / Dim);
+    const S mean = broadcast<S>(1.0 / Dim) * inner(F, F);
+    const S along_inverse = broadcast<S>(kappa) * J * J * rate - shear * two_over_d * inner(F, dF);
+    const S along_X = shear * mean - volumetric_stress(J);
+    const S along_D = -shear * two_over_d * rate;
+    return shear * dF + along_inverse * inverse_transpose + along_X * X +
+           along_D * deviatoric_direction(F, inverse_transpose);
+  }
+
+  // d Psi / d s_a and d^2 Psi / d s_a d s_b in the principal stretches s, from tau_a and A_ab.
+  Vec<Dim> principal_first_piola(const Vec<Dim>& s) const { return principal_kirchhoff(s).cwiseQuotient(s); }
+  Mat<Dim> principal_hessian(const Vec<Dim>& s) const {
+    const Real J = s.prod();
+    const Mat<Dim> ones = Mat<Dim>::Ones(), projector = Mat<Dim>::Identity() - ones / Dim;
+    Mat<Dim> hessian = 2 * mu * isochoric_factor(J) * projector * s.cwiseAbs2().asDiagonal() * projector +
+                       kappa * J * J * ones;
+    hessian.diagonal() -= principal_kirchhoff(s);
+    return s.cwiseInverse().asDiagonal() * hessian * s.cwiseInverse().asDiagonal();
+  }
+
+ private:
+  // J^(-2/d)
+  template <class S>
+  static S isochoric_factor(const S& J) {
+    if constexpr (Dim == 2) {
+      return broadcast<S>(1.0) / J;
+    } else {
+      const S root = inverse_cube_root<S>(J);
+      return root * root;
+    }
+  }
+
+  template <class S>
+  S volumetric_stress(const S& J) const {
+    return broadcast<S>(0.5 * kappa) * (J * J - broadcast<S>(1.0));
+  }
+
+  template <class S>
+  static S volumetric_weight(const S& J, const S& g) {
+    const S one = broadcast<S>(1.0);
+    return select_less<S>(J, one, one, g);
+  }
+
+  template <class S>
+  static SymTensor<S, Dim> stress_of_parts(const Tensor<S, Dim>& F, const S& shear, const S& volumetric) {
+    SymTensor<S, Dim> tau = shear * deviator(left_cauchy_green(F));
+    for (int i = 0; i < Dim; ++i) tau(i, i) += volumetric;
+    return tau;
+  }
+
+  template <class S>
+  S deviatoric_energy(const Tensor<S, Dim>& F, const S& J) const {
+    return broadcast<S>(0.5 * mu) * (isochoric_factor(J) * inner(F, F) - broadcast<S>(Dim));
+  }
+
+  template <class S>
+  S volumetric_energy(const S& J) const {
+    return broadcast<S>(0.5 * kappa) * (broadcast<S>(0.5) * (J * J - broadcast<S>(1.0)) - log_of<S>(J));
+  }
+
+  // F - tr(b)/d F^-T = dev(b) F^-T
+  template <class S>
+  static Tensor<S, Dim> deviatoric_direction(const Tensor<S, Dim>& F,
+                                             const Tensor<S, Dim>& inverse_transpose) {
+    return F - (broadcast<S>(1.0 / Dim) * inner(F, F)) * inverse_transpose;
+  }
+
+  Vec<Dim> principal_kirchhoff(const Vec<Dim>& s) const {
+    const Real J = s.prod();
+    const Vec<Dim> squares = s.cwiseAbs2();
+    const Vec<Dim> dev = squares - Vec<Dim>::Constant(squares.mean());
+    return mu * isochoric_factor(J) * dev + Vec<Dim>::Constant(volumetric_stress(J));
+  }
+};
+
+}  // namespace mpm

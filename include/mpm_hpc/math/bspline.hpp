@@ -1,0 +1,79 @@
+// B-spline kernels of the transfer (physics.md section 1): weights and gradients of the nodes of one stencil in one
+// direction, for numbers and packs.
+#pragma once
+
+#include "mpm_hpc/math/simd.hpp"
+
+namespace mpm {
+
+// fx is the distance of the particle from the first node of its stencil, in grid spacings; that node is
+// floor(xi - shift). inverse_inertia is h^2 D_p^-1, where D_p = sum_i w_ip (x_i - x_p)(x_i - x_p)^T is isotropic.
+struct LinearKernel {
+  static constexpr const char* name = "linear";
+  static constexpr int support = 2;
+  static constexpr double shift = 0;
+  static constexpr bool has_inertia = false;  // D_p depends on the position and vanishes on nodes
+
+  template <class S>
+  static void weights(const S& fx, S* w) {
+    w[0] = broadcast<S>(1.0) - fx;
+    w[1] = fx;
+  }
+  // Derivatives by fx; divide by h for grad w.
+  template <class S>
+  static void gradients(const S&, S* g) {
+    g[0] = broadcast<S>(-1.0);
+    g[1] = broadcast<S>(1.0);
+  }
+};
+
+struct QuadraticKernel {
+  static constexpr const char* name = "quadratic";
+  static constexpr int support = 3;
+  static constexpr double shift = 0.5;
+  static constexpr bool has_inertia = true;
+  static constexpr double inverse_inertia = 4;
+
+  template <class S>
+  static void weights(const S& fx, S* w) {
+    const S a = broadcast<S>(1.5) - fx, b = fx - broadcast<S>(1.0), c = fx - broadcast<S>(0.5);
+    w[0] = broadcast<S>(0.5) * a * a;
+    w[1] = broadcast<S>(0.75) - b * b;
+    w[2] = broadcast<S>(0.5) * c * c;
+  }
+  template <class S>
+  static void gradients(const S& fx, S* g) {
+    g[0] = fx - broadcast<S>(1.5);
+    g[1] = broadcast<S>(2.0) - broadcast<S>(2.0) * fx;
+    g[2] = fx - broadcast<S>(0.5);
+  }
+};
+
+struct CubicKernel {
+  static constexpr const char* name = "cubic";
+  static constexpr int support = 4;
+  static constexpr double shift = 1;
+  static constexpr bool has_inertia = true;
+  static constexpr double inverse_inertia = 3;
+
+  template <class S>
+  static void weights(const S& fx, S* w) {
+    const S one = broadcast<S>(1.0), two = broadcast<S>(2.0), sixth = broadcast<S>(1.0 / 6);
+    const S a = two - fx, b = fx - one;  // distances from nodes 0 (outer side) and 1
+    const S c = two - fx, d = fx - one;
+    w[0] = sixth * a * a * a;
+    w[1] = broadcast<S>(2.0 / 3) - b * b + broadcast<S>(0.5) * b * b * b;
+    w[2] = broadcast<S>(2.0 / 3) - c * c + broadcast<S>(0.5) * c * c * c;
+    w[3] = sixth * d * d * d;
+  }
+  template <class S>
+  static void gradients(const S& fx, S* g) {
+    const S b = fx - broadcast<S>(1.0), c = broadcast<S>(2.0) - fx, half = broadcast<S>(0.5);
+    g[0] = -half * c * c;
+    g[1] = broadcast<S>(1.5) * b * b - broadcast<S>(2.0) * b;
+    g[2] = broadcast<S>(2.0) * c - broadcast<S>(1.5) * c * c;
+    g[3] = half * b * b;
+  }
+};
+
+}  // namespace mpm

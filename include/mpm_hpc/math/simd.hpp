@@ -1,0 +1,176 @@
+// Packs: W numbers handled at once in the lane stage; materials and kernels are templates on their scalar
+// type and run with plain double in the tests and with packs in production.
+#pragma once
+
+#include <Eigen/Core>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <type_traits>
+
+namespace mpm {
+
+// One cache line per pack on every instruction set, so that padding and file order don't depend on the
+// machine.
+template <class T>
+inline constexpr int pack_width = 64 / static_cast<int>(sizeof(T));
+
+template <class T>
+using Pack = Eigen::Array<T, pack_width<T>, 1>;
+
+template <class S>
+struct PackTraits {
+  using Scalar = S;
+  static constexpr int width = 1;
+};
+template <class T, int W>
+struct PackTraits<Eigen::Array<T, W, 1>> {
+  using Scalar = T;
+  static constexpr int width = W;
+};
+
+namespace detail {
+
+// The compiler's own vector of Width numbers, for what Eigen's arrays don't do in registers: conversion and
+// bits.
+template <class T, int Width>
+using NativeVector [[gnu::vector_size(Width * sizeof(T))]] = T;
+
+template <class To, class From>
+inline To copy_bits(const From& from) {
+  static_assert(sizeof(To) == sizeof(From));
+  To to;
+  std::memcpy(static_cast<void*>(&to), static_cast<const void*>(&from), sizeof(To));
+  return to;
+}
+
+}  // namespace detail
+
+// Loads PackTraits<S>::width consecutive numbers, converting between float and double if need be. p is
+// aligned to a cache line when S is a pack of T.
+template <class S, class T>
+inline S load(const T* p) {
+  constexpr int width = PackTraits<S>::width;
+  using Scalar = typename PackTraits<S>::Scalar;
+  if constexpr (width == 1) {
+    return static_cast<S>(*p);
+  } else if constexpr (std::is_same_v<Scalar, T>) {
+    return Eigen::Map<const S, Eigen::Aligned64>(p);
+  } else {
+    detail::NativeVector<T, width> raw;
+    std::memcpy(&raw, p, sizeof(raw));
+    return detail::copy_bits<S>(__builtin_convertvector(raw, detail::NativeVector<Scalar, width>));
+  }
+}
+
+template <class S, class T>
+inline void store(T* p, const S& value) {
+  constexpr int width = PackTraits<S>::width;
+  using Scalar = typename PackTraits<S>::Scalar;
+  if constexpr (width == 1) {
+    *p = static_cast<T>(value);
+  } else if constexpr (std::is_same_v<Scalar, T>) {
+    Eigen::Map<S, Eigen::Aligned64>{p} = value;
+  } else {
+    const auto raw = detail::copy_bits<detail::NativeVector<Scalar, width>>(value);
+    const auto converted = __builtin_convertvector(raw, detail::NativeVector<T, width>);
+    std::memcpy(p, &converted, sizeof(converted));
+  }
+}
+
+// A pack (or number) with every lane equal to value.
+template <class S, class T>
+inline S broadcast(T value) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return static_cast<S>(value);
+  } else {
+    return S::Constant(static_cast<typename PackTraits<S>::Scalar>(value));
+  }
+}
+
+// Lane by lane a < b ? x : y; a comparison with NaN is false. In Eigen's packets, because its select goes
+// through an array of bool and a loop over lanes is not vectorised inside larger functions.
+template <class S>
+inline S select_less(const S& a, const S& b, const S& x, const S& y) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return a < b ? x : y;
+  } else {
+    using Scalar = typename PackTraits<S>::Scalar;
+    using Packet = typename Eigen::internal::find_best_packet<Scalar, PackTraits<S>::width>::type;
+    S out;
+    for (int i = 0; i < PackTraits<S>::width; i += Eigen::internal::unpacket_traits<Packet>::size) {
+      const auto part = [i](const S& s) { return Eigen::internal::pload<Packet>(s.data() + i); };
+      const Packet less = Eigen::internal::pcmp_lt(part(a), part(b));
+      Eigen::internal::pstore(out.data() + i, Eigen::internal::pselect(less, part(x), part(y)));
+    }
+    return out;
+  }
+}
+
+template <class S>
+inline S maximum(const S& a, const S& b) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return a < b ? b : a;
+  } else {
+    return a.max(b);
+  }
+}
+
+template <class S>
+inline S minimum(const S& a, const S& b) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return b < a ? b : a;
+  } else {
+    return a.min(b);
+  }
+}
+
+// Elementary functions for numbers and packs alike; found by argument for Eigen arrays.
+template <class S>
+inline S log_of(const S& a) {
+  using std::log;
+  return log(a);
+}
+template <class S>
+inline S exp_of(const S& a) {
+  using std::exp;
+  return exp(a);
+}
+template <class S>
+inline S sqrt_of(const S& a) {
+  using std::sqrt;
+  return sqrt(a);
+}
+template <class S>
+inline S abs_of(const S& a) {
+  using std::abs;
+  return abs(a);
+}
+
+// a^(-1/3) to about 2 ulp for normal numbers a, NaN for a <= 0; a quarter of the time of exp(-1/3 log a).
+template <class S>
+inline S inverse_cube_root(const S& a) {
+  constexpr int width = PackTraits<S>::width;
+  using Scalar = typename PackTraits<S>::Scalar;
+  using Integer = std::conditional_t<sizeof(Scalar) == 8, std::uint64_t, std::uint32_t>;
+  using Bits = std::conditional_t<width == 1, Integer, detail::NativeVector<Integer, width>>;
+  // The bits of a number are about the logarithm: (a first guess) = magic - bits / 3, right to 4 %. The magic
+  // number is 4/3 of the exponent's bias less a fraction that centres the error.
+  constexpr Integer magic = sizeof(Scalar) == 8 ? Integer(0x553EF0FF289DD796u) : Integer(0x54A2FA8Cu);
+  const Bits bits = detail::copy_bits<Bits>(a);
+  Bits third = (bits >> 2) + (bits >> 4);  // 5/16, then times 17/16 and 257/256: 1/3 to 2e-5
+  third += third >> 4;
+  third += third >> 8;
+  S y = detail::copy_bits<S, Bits>(magic - third);
+  // Two terms of y (1 - r)^(-1/3) with r = 1 - a y^3, of fourth order.
+  for (int iteration = 0; iteration < 2; ++iteration) {
+    const S r = broadcast<S>(1.0) - a * y * y * y;
+    const S series = broadcast<S>(1.0 / 3) + r * (broadcast<S>(2.0 / 9) + r * broadcast<S>(14.0 / 81));
+    y += y * r * series;
+  }
+  return select_less<S>(broadcast<S>(0.0), a, y, broadcast<S>(std::numeric_limits<Scalar>::quiet_NaN()));
+}
+
+}  // namespace mpm

@@ -1,0 +1,57 @@
+// Which rank owns which part of space.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "mpm_hpc/fields/grid_geometry.hpp"
+#include "mpm_hpc/parallel/communicator.hpp"
+
+namespace mpm {
+
+// Owners of the coarse blocks (cubes of 2^k blocks). The table covers the whole domain on every rank, so that a body can
+// move into empty space without asking; k grows with the domain so that the table never exceeds max_entries.
+template <int Dim>
+class Decomposition {
+ public:
+  static constexpr GlobalIndex max_entries = GlobalIndex{1} << 21;
+  using Weights = std::vector<std::pair<GlobalIndex, Real>>;  // (coarse block, weight), sorted by block
+
+  Decomposition() = default;
+  explicit Decomposition(const GridGeometry<Dim>& grid);
+
+  // Number of the coarse block that holds a block.
+  GlobalIndex coarse_index(const IntVec<Dim>& block) const {
+    GlobalIndex index = 0;
+    for (int a = 0; a < Dim; ++a) index = index * counts_[a] + (block[a] >> shift_);
+    return index;
+  }
+  int owner(const IntVec<Dim>& block) const { return owners_[coarse_index(block)]; }
+
+  // Partitions anew with METIS on rank 0 from the ranks' weights, and renames the parts so that little weight leaves its
+  // present owner. Keeps the present owners unless the new imbalance is at least `gain` better (always, when there are
+  // none yet). Returns whether owners changed. Collective.
+  bool partition(const Communicator& communicator, const Weights& local_weights, Real gain);
+
+  // Largest weight of a rank over the mean, for the present owners. Collective.
+  Real imbalance(const Communicator& communicator, const Weights& local_weights) const;
+
+  bool empty() const { return owners_.empty(); }
+  const std::vector<std::int32_t>& owners() const { return owners_; }
+  // Takes over the owners of a checkpoint written on the same number of ranks.
+  void set_owners(std::vector<std::int32_t> owners) { owners_ = std::move(owners); }
+  GlobalIndex entries() const { return entries_; }
+  std::size_t allocated_bytes() const { return owners_.capacity() * sizeof(std::int32_t); }
+
+ private:
+  std::vector<int> partition_graph(const Weights& weights, int parts) const;
+  std::vector<int> renamed(const Weights& weights, const std::vector<int>& parts, int ranks) const;
+  void assign(const Weights& weights, const std::vector<int>& owners);
+
+  IntVec<Dim> counts_ = IntVec<Dim>::Zero();  // coarse blocks per direction
+  int shift_ = 0;
+  GlobalIndex entries_ = 0;
+  std::vector<std::int32_t> owners_;
+};
+
+}  // namespace mpm

@@ -1,0 +1,76 @@
+// Brings particles to their owners, sorts them, and rebuilds blocks and halo; re-balances when that pays.
+#pragma once
+
+#include <vector>
+
+#include "mpm_hpc/fields/particle_order.hpp"
+#include "mpm_hpc/parallel/halo.hpp"
+
+namespace mpm {
+
+enum class LeavePolicy {
+  stop,      // a particle outside the domain ends the run
+  remove,    // it is deleted and counted
+  keep       // it is put back onto the wall, without the outward velocity, and counted
+};
+
+struct DistributionOptions {
+  Real rebalance_threshold = 1.1;  // of max/mean weight
+  bool weigh_by_time = false;      // scale weights with the measured compute time (not reproducible)
+  LeavePolicy leave_policy = LeavePolicy::stop;
+  Real kernel_shift = 0.5;
+  int kernel_support = 3;
+  Precision precision = Precision::double_precision;
+};
+
+template <int Dim>
+class Distribution {
+ public:
+  Distribution() = default;
+  Distribution(const Communicator& communicator, const GridGeometry<Dim>& grid, const DistributionOptions& options)
+      : communicator_(communicator), grid_(grid), options_(options), decomposition_(grid) {}
+
+  // Migrates, re-balances past the threshold, sorts, rebuilds topology and halo and gives the grid fields their new size.
+  // `seconds` is this rank's compute time since the last call. Throws NumericalFailure on all ranks if a particle left
+  // the domain under LeavePolicy::stop. Collective.
+  void redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within, Real seconds = 0);
+
+  const Communicator& communicator() const { return communicator_; }
+  const GridGeometry<Dim>& grid() const { return grid_; }
+  Decomposition<Dim>& decomposition() { return decomposition_; }
+  const BlockTopology<Dim>& topology() const { return topology_; }
+  Halo<Dim>& halo() { return halo_; }
+  const Halo<Dim>& halo() const { return halo_; }
+  const DistributionOptions& options() const { return options_; }
+
+  // max/mean weight after the last redistribution.
+  Real imbalance() const { return imbalance_; }
+  // On this rank, since the start.
+  GlobalIndex removed() const { return removed_; }
+  GlobalIndex kept() const { return kept_; }
+  GlobalIndex migrated() const { return migrated_; }
+  int sorts() const { return sorts_; }
+  int rebalances() const { return rebalances_; }
+  std::size_t allocated_bytes() const {
+    return decomposition_.allocated_bytes() + topology_.allocated_bytes() + halo_.allocated_bytes();
+  }
+
+ private:
+  typename Decomposition<Dim>::Weights weights(const std::vector<Body<Dim>>& bodies, Real factor) const;
+  void apply_leave_policy(std::vector<Body<Dim>>& bodies);
+  void migrate(std::vector<Body<Dim>>& bodies);
+  IntVec<Dim> block_of(const Body<Dim>& body, Index p) const;
+
+  Communicator communicator_;
+  GridGeometry<Dim> grid_;
+  DistributionOptions options_;
+  Decomposition<Dim> decomposition_;
+  BlockTopology<Dim> topology_;
+  Halo<Dim> halo_;
+  std::vector<std::vector<char>> keep_;  // per body: 0 for particles that went away since the last sort
+  Real imbalance_ = 1;
+  GlobalIndex removed_ = 0, kept_ = 0, migrated_ = 0;
+  int sorts_ = 0, rebalances_ = 0;
+};
+
+}  // namespace mpm

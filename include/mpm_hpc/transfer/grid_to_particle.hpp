@@ -1,0 +1,36 @@
+// G2P: velocity and its gradient from the nodes to the particles, and their motion.
+#pragma once
+
+#include "mpm_hpc/transfer/particle_to_grid.hpp"
+
+namespace mpm {
+
+// Maxima over a run of particles after G2P.
+struct KinematicLimits {
+  Real speed = 0;            // |v| [m/s]
+  Real speed_component = 0;  // max_a |v_a| [m/s]; bounds the drift
+  Real gradient = 0;         // max absolute row sum of C [1/s]
+  Real acceleration = 0;     // |v_new - v_old| / dt [m/s^2]
+
+  void include(const KinematicLimits& other) {
+    speed = std::max(speed, other.speed);
+    speed_component = std::max(speed_component, other.speed_component);
+    gradient = std::max(gradient, other.gradient);
+    acceleration = std::max(acceleration, other.acceleration);
+  }
+};
+
+// Learns of each chunk after its particles have moved, while they are still in cache: return mappings, step limits.
+class UpdateSink {
+ public:
+  virtual ~UpdateSink() = default;
+  virtual void updated(Index begin, Index end, const KinematicLimits& limits) = 0;
+};
+
+// For each particle of the given ranges: v_p = sum_i w_ip v_i, C_p = D_p^-1 sum_i w_ip v_i (x_i - x_p)^T,
+// F_p <- (I + dt C_p) F_p, x_p <- x_p + dt v_p (physics.md section 1).
+template <class Kernel, int Dim, class T>
+void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const std::vector<int>& ranges, Real dt,
+                      UpdateSink& sink);
+
+}  // namespace mpm

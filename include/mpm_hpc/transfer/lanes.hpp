@@ -1,0 +1,63 @@
+// The lane stage shared by P2G and G2P: where W particles sit in their tile, and their weights.
+#pragma once
+
+#include "mpm_hpc/fields/body.hpp"
+#include "mpm_hpc/fields/grid_geometry.hpp"
+#include "mpm_hpc/math/bspline.hpp"
+#include "mpm_hpc/transfer/tile.hpp"
+
+namespace mpm {
+
+// Input of P2G's row stage and output of G2P's for one particle, side by side for quick loads.
+// Row input: node values are q + sum_b (n_b - 1) a[b] at stencil node n, times the weights.
+template <class T>
+struct alignas(64) RowParticle {
+  T q[4];        // values at the stencil's second node: momentum (or velocity), mass
+  T a[3][4];     // their slope per node in each direction
+  T w[3][4];     // weights by direction; the fourth is 0 for the quadratic kernel
+  int tile_node; // first node of the stencil in the tile
+};
+
+// Position of W particles in the tile, by direction: first stencil node and weights.
+template <class Kernel, int Dim, class T>
+struct LanePlace {
+  using S = Pack<T>;
+  S first[Dim];     // tile coordinate of the stencil's first node (whole numbers)
+  S centre[Dim];    // (x_1 - x_p) / h, where x_1 is the stencil's second node
+  S w[Dim][Kernel::support];
+
+  LanePlace(const GridGeometry<Dim>& grid, const IntVec<Dim>& block_first_node, const Real* const* x, Index p) {
+    using Wide = Eigen::Array<Real, PackTraits<S>::width, 1>;
+    for (int a = 0; a < Dim; ++a) {
+      // In double up to here, so that single precision keeps its digits for the place inside the tile.
+      const Wide tile = (load<Wide>(x[a] + p) - grid.origin()[a]) * grid.inverse_spacing() -
+                        static_cast<Real>(block_first_node[a] - 1);
+      const S place = tile.template cast<T>();
+      const S shifted = place - static_cast<T>(Kernel::shift);
+      first[a] = shifted.floor();
+      const S fx = place - first[a];
+      Kernel::weights(fx, w[a]);
+      centre[a] = static_cast<T>(1) - fx;
+    }
+  }
+
+  // Node number in the tile of each lane's first stencil node.
+  S tile_node() const {
+    constexpr int side = Tile<Kernel, Dim, T>::side;
+    S node = first[0];
+    for (int a = 1; a < Dim; ++a) node = node * static_cast<T>(side) + first[a];
+    return node;
+  }
+
+  // False in the lanes' product if a stencil ends outside the tile.
+  bool inside() const {
+    constexpr T last = Tile<Kernel, Dim, T>::side - Kernel::support;
+    for (int a = 0; a < Dim; ++a)
+      if (!(first[a].minCoeff() >= 0 && first[a].maxCoeff() <= last)) return false;
+    return true;
+  }
+};
+
+[[noreturn]] void throw_drifted_out();
+
+}  // namespace mpm

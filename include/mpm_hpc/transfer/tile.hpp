@@ -1,0 +1,71 @@
+// The L1 tile of a block: its nodes and the surrounding ones that its particles can reach, gathered from and scattered
+// to the sparse grid as a whole.
+#pragma once
+
+#include <cstring>
+
+#include "mpm_hpc/fields/grid_fields.hpp"
+
+namespace mpm {
+
+// Node t of the tile is node t - 1 of the block in each direction: one node of drift below, and the stencil's reach plus
+// one node of drift above. Values: data[(((t_x * side) + t_y) * side + t_z) * node_values + c].
+template <class Kernel, int Dim, class T>
+struct Tile {
+  static constexpr int side = block_side + Kernel::support + 1;
+  static constexpr int rows = Dim == 2 ? side : side * side;
+  static constexpr int nodes = rows * side;
+  static_assert(side <= 2 * block_side, "a row spans three blocks with at most three nodes of the upper one");
+
+  // Rows are read four nodes at a time, so the last one needs room behind it.
+  alignas(64) T data[(nodes + row_nodes) * node_values];
+
+  void zero() { std::memset(data, 0, sizeof(data)); }
+
+  void gather(const BlockTopology<Dim>& topology, Slot slot, const T* grid) {
+    for_each_segment(topology, slot, [this, grid](int tile_node, std::size_t grid_node, auto count) {
+      std::memcpy(data + tile_node * node_values, grid + grid_node * node_values,
+                  decltype(count)::value * node_values * sizeof(T));
+    });
+    std::memset(data + nodes * node_values, 0, row_nodes * node_values * sizeof(T));
+  }
+
+  void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* grid) const {
+    for_each_segment(topology, slot, [this, grid](int tile_node, std::size_t grid_node, auto count) {
+      T* out = grid + grid_node * node_values;
+      const T* in = data + tile_node * node_values;
+      for (int i = 0; i < decltype(count)::value * node_values; ++i) out[i] += in[i];
+    });
+  }
+
+ private:
+  template <int N>
+  struct Count {
+    static constexpr int value = N;
+  };
+
+  // Calls f(first tile node, first grid node, Count) for each run of nodes that is contiguous in both.
+  template <class F>
+  static void for_each_segment(const BlockTopology<Dim>& topology, Slot slot, F&& f) {
+    constexpr int upper = side - 1 - block_side;
+    const Slot* around = topology.neighbours(slot);
+    for (int row = 0; row < rows; ++row) {
+      int neighbour = 0, local = 0;  // of the row's first node, without the last direction
+      for (int a = 0, rest = row, scale = rows / side; a < Dim - 1; ++a) {
+        const int t = (Dim == 2 ? rest : rest / scale) - 1;
+        if (Dim == 3) rest %= scale, scale = 1;
+        neighbour = 3 * neighbour + (t < 0 ? 0 : t < block_side ? 1 : 2);
+        local = block_side * local + (t & (block_side - 1));
+      }
+      auto node = [&](int direction, int first) {
+        return static_cast<std::size_t>(around[3 * neighbour + direction]) * nodes_per_block<Dim> +
+               static_cast<std::size_t>(block_side * local + first);
+      };
+      f(row * side, node(0, block_side - 1), Count<1>{});
+      f(row * side + 1, node(1, 0), Count<block_side>{});
+      f(row * side + 1 + block_side, node(2, 0), Count<upper>{});
+    }
+  }
+};
+
+}  // namespace mpm

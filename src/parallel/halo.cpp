@@ -1,0 +1,261 @@
+#include "mpm_hpc/parallel/halo.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <map>
+
+#include "mpm_hpc/parallel/mpi_handle.hpp"
+
+namespace mpm {
+
+template <int Dim>
+struct Halo<Dim>::Requests {
+  MPI_Comm comm = MPI_COMM_NULL;
+  std::vector<MPI_Request> sends, receives;
+  GridFields* fields = nullptr;
+  std::vector<FieldId> which;
+  bool sum = false, active = false;
+};
+
+template <int Dim>
+Halo<Dim>::Halo() : requests_(std::make_unique<Requests>()) {}
+template <int Dim>
+Halo<Dim>::Halo(Halo&&) noexcept = default;
+template <int Dim>
+Halo<Dim>& Halo<Dim>::operator=(Halo&&) noexcept = default;
+template <int Dim>
+Halo<Dim>::~Halo() = default;
+
+template <int Dim>
+NodeMask reachable_nodes(int number, int kernel_support) {
+  // Base nodes of a block's particles lie in -1..4 of its own nodes, and the stencil ends support - 1 nodes further.
+  std::array<int, Dim> offset;
+  for (int a = Dim - 1; a >= 0; --a, number /= 3) offset[a] = number % 3 - 1;
+  NodeMask mask = 0;
+  for (int n = 0; n < nodes_per_block<Dim>; ++n) {
+    const IntVec<Dim> node = node_in_block<Dim>(n);
+    bool reached = true;
+    for (int a = 0; a < Dim; ++a) {
+      const int position = node[a] + block_side * offset[a];
+      reached = reached && position >= -1 && position <= block_side + kernel_support - 1;
+    }
+    if (reached) mask |= NodeMask{1} << n;
+  }
+  return mask;
+}
+
+namespace {
+
+// What travels when a rank asks an owner for a block.
+struct Request {
+  BlockKey key;
+  NodeMask mask;
+};
+
+}  // namespace
+
+template <int Dim>
+void Halo<Dim>::rebuild(const Communicator& communicator, const Decomposition<Dim>& decomposition,
+                        const std::vector<BlockKey>& occupied, int kernel_support, BlockTopology<Dim>& topology) {
+  std::array<NodeMask, block_neighbours<Dim>> masks;
+  for (int n = 0; n < block_neighbours<Dim>; ++n) masks[n] = reachable_nodes<Dim>(n, kernel_support);
+
+  // Every block that this rank's particles reach, by owner.
+  std::vector<Request> reached;
+  reached.reserve(occupied.size() * block_neighbours<Dim>);
+  for (BlockKey key : occupied) {
+    const IntVec<Dim> centre = block_of_key<Dim>(key);
+    for (int n = 0; n < block_neighbours<Dim>; ++n) {
+      IntVec<Dim> block = centre;
+      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= 3) block[a] += rest % 3 - 1;
+      reached.push_back({block_key<Dim>(block), masks[n]});
+    }
+  }
+  std::sort(reached.begin(), reached.end(), [](const Request& a, const Request& b) { return a.key < b.key; });
+  std::vector<BlockKey> owned;
+  std::map<int, std::vector<Request>> wanted;
+  for (std::size_t i = 0; i < reached.size();) {
+    Request merged = reached[i];
+    for (++i; i < reached.size() && reached[i].key == merged.key; ++i) merged.mask |= reached[i].mask;
+    const int owner = decomposition.owner(block_of_key<Dim>(merged.key));
+    if (owner == communicator.rank()) {
+      owned.push_back(merged.key);
+    } else {
+      wanted[owner].push_back(merged);
+    }
+  }
+
+  std::map<int, Communicator::Bytes> outgoing;
+  for (const auto& [owner, list] : wanted) {
+    Communicator::Bytes& bytes = outgoing[owner];
+    bytes.resize(list.size() * sizeof(Request));
+    std::memcpy(bytes.data(), list.data(), bytes.size());
+  }
+  std::map<int, std::vector<Request>> asked;
+  for (const auto& [source, bytes] : communicator.exchange(outgoing)) {
+    std::vector<Request>& list = asked[source];
+    list.resize(bytes.size() / sizeof(Request));
+    std::memcpy(static_cast<void*>(list.data()), bytes.data(), bytes.size());
+    for (const Request& request : list) owned.push_back(request.key);
+  }
+  std::sort(owned.begin(), owned.end());
+  owned.erase(std::unique(owned.begin(), owned.end()), owned.end());
+  std::vector<BlockKey> ghosts;
+  for (const auto& [owner, list] : wanted)
+    for (const Request& request : list) ghosts.push_back(request.key);
+  topology.rebuild(owned, ghosts);
+
+  std::map<int, Peer> peers;
+  for (const auto& [owner, list] : wanted) {
+    peers[owner].rank = owner;
+    for (const Request& r : list) peers[owner].ghosts.push_back({topology.find(r.key), r.mask});
+  }
+  for (const auto& [source, list] : asked) {
+    peers[source].rank = source;
+    for (const Request& r : list) peers[source].shared.push_back({topology.find(r.key), r.mask});
+  }
+  peers_.clear();
+  for (auto& [rank, peer] : peers) peers_.push_back(std::move(peer));
+  requests_->comm = mpi_comm(communicator);
+}
+
+namespace {
+
+// Visits the values of the masked nodes in message order; f(pointer into the field, number of values).
+template <class T, int Dim, class Entries, class F>
+void for_masked_nodes(const Entries& entries, T* data, int components, F&& f) {
+  for (const auto& entry : entries) {
+    T* block = data + static_cast<std::size_t>(entry.slot) * nodes_per_block<Dim> * components;
+    for (NodeMask mask = entry.mask; mask; mask &= mask - 1) f(block + std::countr_zero(mask) * components);
+  }
+}
+
+template <class Entries>
+GlobalIndex masked_nodes(const Entries& entries) {
+  GlobalIndex count = 0;
+  for (const auto& entry : entries) count += std::popcount(entry.mask);
+  return count;
+}
+
+}  // namespace
+
+template <int Dim>
+void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, bool sum) {
+  Requests& requests = *requests_;
+  debug_check(!requests.active, "a halo exchange starts while another is under way");
+  requests.fields = &fields;
+  requests.which = which;
+  requests.sum = sum;
+  requests.active = true;
+  requests.sends.clear();
+  requests.receives.clear();
+  int components = 0;
+  for (FieldId f : which) components += fields.traits(f).halo_components;
+  const int tag = sum ? 1 : 2;
+  with_precision(fields.precision(), [&](auto zero) {
+    using T = decltype(zero);
+    for (Peer& peer : peers_) {
+      const auto& incoming = sum ? peer.shared : peer.ghosts;
+      if (incoming.empty()) continue;
+      peer.receive.resize(masked_nodes(incoming) * components * sizeof(T));
+      requests.receives.emplace_back();
+      MPI_Irecv(peer.receive.data(), static_cast<int>(peer.receive.size()), MPI_BYTE, peer.rank, tag, requests.comm,
+                &requests.receives.back());
+    }
+    for (Peer& peer : peers_) {
+      const auto& outgoing = sum ? peer.ghosts : peer.shared;
+      if (outgoing.empty()) continue;
+      peer.send.resize(masked_nodes(outgoing) * components * sizeof(T));
+      T* out = reinterpret_cast<T*>(peer.send.data());
+      for (FieldId f : which) {
+        const int stored = fields.traits(f).components, sent = fields.traits(f).halo_components;
+        for_masked_nodes<T, Dim>(outgoing, fields.template data<T>(f), stored, [&](const T* node) {
+          for (int c = 0; c < sent; ++c) *out++ = node[c];
+        });
+      }
+      requests.sends.emplace_back();
+      MPI_Isend(peer.send.data(), static_cast<int>(peer.send.size()), MPI_BYTE, peer.rank, tag, requests.comm,
+                &requests.sends.back());
+      ++messages_;
+      bytes_ += static_cast<GlobalIndex>(peer.send.size());
+    }
+  });
+}
+
+template <int Dim>
+void Halo<Dim>::finish() {
+  Requests& requests = *requests_;
+  MPI_Waitall(static_cast<int>(requests.receives.size()), requests.receives.data(), MPI_STATUSES_IGNORE);
+  GridFields& fields = *requests.fields;
+  // Peers are unpacked in the order of their ranks, so that sums don't depend on the order of arrival.
+  with_precision(fields.precision(), [&](auto zero) {
+    using T = decltype(zero);
+    for (Peer& peer : peers_) {
+      const auto& incoming = requests.sum ? peer.shared : peer.ghosts;
+      const T* in = reinterpret_cast<const T*>(peer.receive.data());
+      if (incoming.empty()) continue;
+      for (FieldId f : requests.which) {
+        const int stored = fields.traits(f).components, sent = fields.traits(f).halo_components;
+        if (requests.sum) {
+          for_masked_nodes<T, Dim>(incoming, fields.template data<T>(f), stored, [&](T* node) {
+            for (int c = 0; c < sent; ++c) node[c] += *in++;
+          });
+        } else {
+          for_masked_nodes<T, Dim>(incoming, fields.template data<T>(f), stored, [&](T* node) {
+            for (int c = 0; c < sent; ++c) node[c] = *in++;
+          });
+        }
+      }
+    }
+  });
+  MPI_Waitall(static_cast<int>(requests.sends.size()), requests.sends.data(), MPI_STATUSES_IGNORE);
+  requests.active = false;
+}
+
+template <int Dim>
+void Halo<Dim>::start_sum(GridFields& fields, const std::vector<FieldId>& which) {
+  start(fields, which, true);
+}
+template <int Dim>
+void Halo<Dim>::finish_sum() {
+  finish();
+}
+template <int Dim>
+void Halo<Dim>::start_fill(GridFields& fields, const std::vector<FieldId>& which) {
+  start(fields, which, false);
+}
+template <int Dim>
+void Halo<Dim>::finish_fill() {
+  finish();
+}
+
+template <int Dim>
+GlobalIndex Halo<Dim>::ghost_nodes() const {
+  GlobalIndex count = 0;
+  for (const Peer& peer : peers_) count += masked_nodes(peer.ghosts);
+  return count;
+}
+
+template <int Dim>
+GlobalIndex Halo<Dim>::shared_nodes() const {
+  GlobalIndex count = 0;
+  for (const Peer& peer : peers_) count += masked_nodes(peer.shared);
+  return count;
+}
+
+template <int Dim>
+std::size_t Halo<Dim>::allocated_bytes() const {
+  std::size_t bytes = 0;
+  for (const Peer& peer : peers_)
+    bytes += peer.send.capacity() + peer.receive.capacity() +
+             (peer.ghosts.capacity() + peer.shared.capacity()) * sizeof(Entry);
+  return bytes;
+}
+
+template NodeMask reachable_nodes<2>(int, int);
+template NodeMask reachable_nodes<3>(int, int);
+template class Halo<2>;
+template class Halo<3>;
+
+}  // namespace mpm

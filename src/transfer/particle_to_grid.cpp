@@ -1,0 +1,135 @@
+#include "mpm_hpc/transfer/particle_to_grid.hpp"
+
+#include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/transfer/lanes.hpp"
+
+namespace mpm {
+
+void throw_drifted_out() {
+  throw LogicError("a particle drifted out of its block's tile: the particles were not sorted in time");
+}
+
+namespace {
+
+// Fills one RowParticle per particle of the chunk [begin, end).
+template <class Kernel, int Dim, class T>
+void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const IntVec<Dim>& first_node, Index begin,
+                Index end, T* const* tau, Real dt, RowParticle<T>* out) {
+  using S = Pack<T>;
+  constexpr int W = pack_width<T>;
+  const FieldSet& fields = body.particles;
+  const Real h = grid.geometry.spacing();
+  const Real* x[Dim];
+  const T *v[Dim], *C[Dim * Dim];
+  for (int a = 0; a < Dim; ++a) {
+    x[a] = fields.template data<Real>(core::position, a);
+    v[a] = fields.template data<T>(core::velocity, a);
+  }
+  for (int a = 0; a < Dim * Dim; ++a) C[a] = fields.template data<T>(core::velocity_gradient, a);
+  const T* mass = fields.template data<T>(core::mass);
+  const T* volume = fields.template data<T>(core::volume);
+  // Slopes are per node, hence one factor h: h A = h m C - (dt k / h) V0 tau, with D^-1 = k / h^2.
+  const T spacing = static_cast<T>(h), stress_factor = static_cast<T>(dt * Kernel::inverse_inertia / h);
+
+  bool inside = true;
+  for (Index p = begin; p < end; p += W) {
+    const LanePlace<Kernel, Dim, T> place(grid.geometry, first_node, x, p);
+    inside = inside && place.inside();
+    const S m = load<S>(mass + p);
+    const S moment = m * spacing, force = load<S>(volume + p) * stress_factor;
+    alignas(64) T q[4][W] = {}, slope[Dim][Dim][W], node[W], w[Dim][Kernel::support][W];
+    S momentum[Dim];
+    for (int a = 0; a < Dim; ++a) momentum[a] = m * load<S>(v[a] + p);
+    for (int a = 0; a < Dim; ++a)
+      for (int b = 0; b < Dim; ++b) {
+        const S stress = load<S>(tau[SymTensor<S, Dim>::index(a, b)] + (p - begin));
+        const S A = moment * load<S>(C[a * Dim + b] + p) - force * stress;
+        momentum[a] += A * place.centre[b];
+        store(slope[b][a], A);
+      }
+    for (int a = 0; a < Dim; ++a) store(q[a], momentum[a]);
+    store(q[Dim], m);
+    store(node, place.tile_node());
+    for (int a = 0; a < Dim; ++a)
+      for (int n = 0; n < Kernel::support; ++n) store(w[a][n], place.w[a][n]);
+
+    RowParticle<T>* rows = out + (p - begin);
+    for (int l = 0; l < W; ++l) {
+      RowParticle<T>& r = rows[l];
+      for (int c = 0; c <= Dim; ++c) r.q[c] = q[c][l];
+      for (int b = 0; b < Dim; ++b)
+        for (int a = 0; a < Dim; ++a) r.a[b][a] = slope[b][a][l];
+      for (int a = 0; a < Dim; ++a)
+        for (int n = 0; n < Kernel::support; ++n) r.w[a][n] = w[a][n][l];
+      r.tile_node = static_cast<int>(node[l]);
+    }
+  }
+  if (!inside) throw_drifted_out();
+}
+
+// tile[row] += w_outer * (w_row (x) values) for the rows of one particle's stencil.
+template <class Kernel, int Dim, class T>
+void row_stage(const RowParticle<T>* particles, int count, T* tile) {
+  constexpr int side = Tile<Kernel, Dim, T>::side;
+  const Row<T> along = Row<T>::spread(Quad<T>{-1, 0, 1, 2});
+  for (int p = 0; p < count; ++p) {
+    const RowParticle<T>& r = particles[p];
+    const Row<T> w = Row<T>::spread(load_quad(r.w[Dim - 1]));
+    const Row<T> centre =
+        w * (Row<T>::repeat(load_quad(r.q)) + along * Row<T>::repeat(load_quad(r.a[Dim - 1])));
+    const Row<T> slope_x = w * Row<T>::repeat(load_quad(r.a[0]));
+    T* first = tile + r.tile_node * node_values;
+    if constexpr (Dim == 2) {
+      for (int i = 0; i < Kernel::support; ++i) {
+        T* row = first + i * side * node_values;
+        (Row<T>::load(row) + r.w[0][i] * (centre + static_cast<T>(i - 1) * slope_x)).store(row);
+      }
+    } else {
+      const Row<T> slope_y = w * Row<T>::repeat(load_quad(r.a[1]));
+      for (int i = 0; i < Kernel::support; ++i) {
+        const Row<T> plane = centre + static_cast<T>(i - 1) * slope_x;
+        for (int j = 0; j < Kernel::support; ++j) {
+          T* row = first + (i * side + j) * side * node_values;
+          (Row<T>::load(row) + (r.w[0][i] * r.w[1][j]) * (plane + static_cast<T>(j - 1) * slope_y)).store(row);
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+template <class Kernel, int Dim, class T>
+void particle_to_grid(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                      const StressSource<Dim, T>& stress, Real dt) {
+  static_assert(Kernel::has_inertia && Kernel::support <= row_nodes);
+  Tile<Kernel, Dim, T> tile;
+  constexpr int components = SymTensor<T, Dim>::size;
+  alignas(64) T tau_storage[components][chunk_particles];
+  T* tau[components];
+  for (int c = 0; c < components; ++c) tau[c] = tau_storage[c];
+  std::vector<RowParticle<T>> rows(chunk_particles);  // zeroed: the fourth weight and unused values stay 0
+  for (int number : ranges) {
+    const BlockRange& range = body.ranges[number];
+    const IntVec<Dim> first_node = grid.topology.first_node(range.slot);
+    tile.zero();
+    for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
+      const Index end = std::min<Index>(begin + chunk_particles, range.end);
+      stress.kirchhoff_stress(begin, end, tau);
+      lane_stage<Kernel>(grid, body, first_node, begin, end, tau, dt, rows.data());
+      row_stage<Kernel, Dim>(rows.data(), end - begin, tile.data);
+    }
+    tile.scatter_add(grid.topology, range.slot, grid.nodes);
+  }
+}
+
+#define MPM_INSTANTIATE(Dim, T)                                                                                   \
+  template void particle_to_grid<QuadraticKernel, Dim, T>(const TransferGrid<Dim, T>&, const Body<Dim>&,          \
+                                                          const std::vector<int>&, const StressSource<Dim, T>&, Real);
+MPM_INSTANTIATE(2, float)
+MPM_INSTANTIATE(2, double)
+MPM_INSTANTIATE(3, float)
+MPM_INSTANTIATE(3, double)
+#undef MPM_INSTANTIATE
+
+}  // namespace mpm
