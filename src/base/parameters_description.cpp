@@ -164,12 +164,14 @@ std::string value_schema(const DescribedKey& row) {
 }
 
 std::string property_schema(const DescribedKey& row) {
-  JsonObject schema;
-  schema.add("allOf", json_list({value_schema(row)}));
-  schema.add_text("description", row.range.doc);
-  schema.add_text("x-unit", row.range.unit);
-  schema.add("default", row.default_as);
-  return schema.text();
+  JsonObject notes;
+  notes.add_text("description", row.range.doc)
+      .add_text("x-unit", row.range.unit)
+      .add("default", row.default_as);
+  std::string schema = value_schema(row);
+  if (notes.empty()) return schema;
+  schema.back() = ',';  // both are objects with members: join them
+  return schema + " " + notes.text().substr(1);
 }
 
 // {"if": the conditions hold, "then": the key is required}.

@@ -83,6 +83,7 @@ struct Parameters::Impl {
   const SceneTable* table = nullptr;  // null: absent
   Location location;                  // of the table, or of the nearest one above that exists
   std::vector<std::string> declared;
+  std::vector<std::string> asked;  // by has(): no declarations, but what a slip may have meant
   // Describing.
   std::shared_ptr<Description> description;
   DescribedTable* described = nullptr;

@@ -178,7 +178,9 @@ void Parameters::when(std::string_view key, const std::string& value,
 }
 
 bool Parameters::has(std::string_view key) const {
-  return describing() || (impl_->table && impl_->table->find(key) != nullptr);
+  if (describing()) return true;
+  impl_->asked.emplace_back(key);
+  return impl_->table && impl_->table->find(key) != nullptr;
 }
 
 bool Parameters::describing() const { return impl_->describing(); }
@@ -186,10 +188,12 @@ bool Parameters::describing() const { return impl_->describing(); }
 void Parameters::finish() {
   if (describing()) return;
   if (impl_->table) {
+    std::vector<std::string> candidates = impl_->declared;
+    candidates.insert(candidates.end(), impl_->asked.begin(), impl_->asked.end());
     for (const SceneMember& member : impl_->table->members) {
       const auto& declared = impl_->declared;
       if (std::find(declared.begin(), declared.end(), member.key) != declared.end()) continue;
-      const std::string near = nearest_word(member.key, declared);
+      const std::string near = nearest_word(member.key, candidates);
       impl_->fault(member.key_location,
                    near.empty() ? fmt::format("unknown key \"{}\" in {}; the keys here are {}.", member.key,
                                               impl_->table_name(), fmt::join(declared, ", "))

@@ -13,7 +13,7 @@
 namespace mpm {
 
 template <int Dim>
-Decomposition<Dim>::Decomposition(const GridGeometry<Dim>& grid) {
+Decomposition<Dim>::Decomposition(const GridGeometry<Dim>& grid) : blocks_(grid.blocks()) {
   for (shift_ = 0;; ++shift_) {
     entries_ = 1;
     for (int a = 0; a < Dim; ++a) {

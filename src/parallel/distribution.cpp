@@ -160,6 +160,8 @@ void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields&
   std::sort(occupied.begin(), occupied.end());
   occupied.erase(std::unique(occupied.begin(), occupied.end()), occupied.end());
   halo_.rebuild(communicator_, decomposition_, occupied, options_.kernel_support, topology_);
+  if (needs_row_halo_)
+    row_halo_.rebuild_for_rows(communicator_, decomposition_, options_.kernel_support - 1, topology_);
 
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     Body<Dim>& body = bodies[b];

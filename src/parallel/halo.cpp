@@ -28,8 +28,7 @@ template <int Dim>
 Halo<Dim>::~Halo() = default;
 
 template <int Dim>
-NodeMask reachable_nodes(int number, int kernel_support) {
-  // Base nodes of a block's particles lie in -1..4 of its own nodes, and the stencil ends support - 1 nodes further.
+NodeMask nodes_within(int number, int below, int above) {
   std::array<int, Dim> offset;
   for (int a = Dim - 1; a >= 0; --a, number /= 3) offset[a] = number % 3 - 1;
   NodeMask mask = 0;
@@ -38,86 +37,142 @@ NodeMask reachable_nodes(int number, int kernel_support) {
     bool reached = true;
     for (int a = 0; a < Dim; ++a) {
       const int position = node[a] + block_side * offset[a];
-      reached = reached && position >= -1 && position <= block_side + kernel_support - 1;
+      reached = reached && position >= -below && position < block_side + above;
     }
     if (reached) mask |= NodeMask{1} << n;
   }
   return mask;
 }
 
+template <int Dim>
+NodeMask reachable_nodes(int number, int kernel_support) {
+  // Base nodes of a block's particles lie in -1..4 of its own nodes, and the stencil ends support - 1 nodes further.
+  return nodes_within<Dim>(number, 1, kernel_support);
+}
+
 namespace {
 
-// What travels when a rank asks an owner for a block.
-struct Request {
-  BlockKey key;
-  NodeMask mask;
-};
+Communicator::Bytes to_bytes(const std::vector<BlockRequest>& list) {
+  Communicator::Bytes bytes(list.size() * sizeof(BlockRequest));
+  std::memcpy(bytes.data(), list.data(), bytes.size());
+  return bytes;
+}
+
+std::vector<BlockRequest> from_bytes(const Communicator::Bytes& bytes) {
+  std::vector<BlockRequest> list(bytes.size() / sizeof(BlockRequest));
+  std::memcpy(static_cast<void*>(list.data()), bytes.data(), bytes.size());
+  return list;
+}
+
+std::map<int, std::vector<BlockRequest>> exchange_requests(const Communicator& communicator,
+                                                  const std::map<int, std::vector<BlockRequest>>& lists) {
+  std::map<int, Communicator::Bytes> outgoing;
+  for (const auto& [rank, list] : lists) outgoing[rank] = to_bytes(list);
+  std::map<int, std::vector<BlockRequest>> incoming;
+  for (const auto& [source, bytes] : communicator.exchange(outgoing)) incoming[source] = from_bytes(bytes);
+  return incoming;
+}
+
+// The blocks within `masks` of the given ones, sorted by key, with the masks of a block merged.
+template <int Dim>
+std::vector<BlockRequest> surroundings(const std::vector<BlockKey>& blocks,
+                                       const std::array<NodeMask, block_neighbours<Dim>>& masks) {
+  std::vector<BlockRequest> reached;
+  reached.reserve(blocks.size() * block_neighbours<Dim>);
+  for (BlockKey key : blocks) {
+    const IntVec<Dim> centre = block_of_key<Dim>(key);
+    for (int n = 0; n < block_neighbours<Dim>; ++n) {
+      IntVec<Dim> block = centre;
+      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= 3) block[a] += rest % 3 - 1;
+      if ((block.array() >= 0).all()) reached.push_back({block_key<Dim>(block), masks[n]});
+    }
+  }
+  std::sort(reached.begin(), reached.end(),
+            [](const BlockRequest& a, const BlockRequest& b) { return a.key < b.key; });
+  std::vector<BlockRequest> merged;
+  for (const BlockRequest& r : reached) {
+    if (merged.empty() || merged.back().key != r.key) {
+      merged.push_back(r);
+    } else {
+      merged.back().mask |= r.mask;
+    }
+  }
+  return merged;
+}
 
 }  // namespace
+
+template <int Dim>
+void Halo<Dim>::connect(const Communicator& communicator, const BlockTopology<Dim>& topology, const Wanted& wanted,
+                        const Wanted& asked) {
+  std::map<int, Peer> peers;
+  for (const auto& [owner, list] : wanted) {
+    peers[owner].rank = owner;
+    for (const BlockRequest& r : list) peers[owner].ghosts.push_back({topology.find(r.key), r.mask});
+  }
+  for (const auto& [source, list] : asked) {
+    peers[source].rank = source;
+    for (const BlockRequest& r : list) peers[source].shared.push_back({topology.find(r.key), r.mask});
+  }
+  peers_.clear();
+  for (auto& [rank, peer] : peers) peers_.push_back(std::move(peer));
+  requests_->comm = mpi_comm(communicator);
+}
 
 template <int Dim>
 void Halo<Dim>::rebuild(const Communicator& communicator, const Decomposition<Dim>& decomposition,
                         const std::vector<BlockKey>& occupied, int kernel_support, BlockTopology<Dim>& topology) {
   std::array<NodeMask, block_neighbours<Dim>> masks;
   for (int n = 0; n < block_neighbours<Dim>; ++n) masks[n] = reachable_nodes<Dim>(n, kernel_support);
-
-  // Every block that this rank's particles reach, by owner.
-  std::vector<Request> reached;
-  reached.reserve(occupied.size() * block_neighbours<Dim>);
-  for (BlockKey key : occupied) {
-    const IntVec<Dim> centre = block_of_key<Dim>(key);
-    for (int n = 0; n < block_neighbours<Dim>; ++n) {
-      IntVec<Dim> block = centre;
-      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= 3) block[a] += rest % 3 - 1;
-      reached.push_back({block_key<Dim>(block), masks[n]});
-    }
-  }
-  std::sort(reached.begin(), reached.end(), [](const Request& a, const Request& b) { return a.key < b.key; });
   std::vector<BlockKey> owned;
-  std::map<int, std::vector<Request>> wanted;
-  for (std::size_t i = 0; i < reached.size();) {
-    Request merged = reached[i];
-    for (++i; i < reached.size() && reached[i].key == merged.key; ++i) merged.mask |= reached[i].mask;
-    const int owner = decomposition.owner(block_of_key<Dim>(merged.key));
+  Wanted wanted;
+  for (const BlockRequest& block : surroundings<Dim>(occupied, masks)) {
+    const int owner = decomposition.owner(block_of_key<Dim>(block.key));
     if (owner == communicator.rank()) {
-      owned.push_back(merged.key);
+      owned.push_back(block.key);
     } else {
-      wanted[owner].push_back(merged);
+      wanted[owner].push_back(block);
     }
   }
-
-  std::map<int, Communicator::Bytes> outgoing;
-  for (const auto& [owner, list] : wanted) {
-    Communicator::Bytes& bytes = outgoing[owner];
-    bytes.resize(list.size() * sizeof(Request));
-    std::memcpy(bytes.data(), list.data(), bytes.size());
-  }
-  std::map<int, std::vector<Request>> asked;
-  for (const auto& [source, bytes] : communicator.exchange(outgoing)) {
-    std::vector<Request>& list = asked[source];
-    list.resize(bytes.size() / sizeof(Request));
-    std::memcpy(static_cast<void*>(list.data()), bytes.data(), bytes.size());
-    for (const Request& request : list) owned.push_back(request.key);
-  }
+  const Wanted asked = exchange_requests(communicator, wanted);
+  for (const auto& [source, list] : asked)
+    for (const BlockRequest& request : list) owned.push_back(request.key);
   std::sort(owned.begin(), owned.end());
   owned.erase(std::unique(owned.begin(), owned.end()), owned.end());
   std::vector<BlockKey> ghosts;
   for (const auto& [owner, list] : wanted)
-    for (const Request& request : list) ghosts.push_back(request.key);
+    for (const BlockRequest& request : list) ghosts.push_back(request.key);
   topology.rebuild(owned, ghosts);
+  connect(communicator, topology, wanted, asked);
+}
 
-  std::map<int, Peer> peers;
-  for (const auto& [owner, list] : wanted) {
-    peers[owner].rank = owner;
-    for (const Request& r : list) peers[owner].ghosts.push_back({topology.find(r.key), r.mask});
+template <int Dim>
+void Halo<Dim>::rebuild_for_rows(const Communicator& communicator, const Decomposition<Dim>& decomposition, int reach,
+                                 BlockTopology<Dim>& topology) {
+  std::array<NodeMask, block_neighbours<Dim>> masks;
+  for (int n = 0; n < block_neighbours<Dim>; ++n) masks[n] = nodes_within<Dim>(n, reach, reach);
+  std::vector<BlockKey> owned, ghosts;
+  for (Slot s = 0; s < topology.size(); ++s) (s < topology.owned() ? owned : ghosts).push_back(topology.key(s));
+  Wanted wished;
+  const IntVec<Dim> blocks = decomposition.blocks();
+  for (const BlockRequest& block : surroundings<Dim>(owned, masks)) {
+    const IntVec<Dim> place = block_of_key<Dim>(block.key);
+    if ((place.array() >= blocks.array()).any()) continue;
+    const int owner = decomposition.owner(place);
+    if (owner != communicator.rank()) wished[owner].push_back(block);
   }
-  for (const auto& [source, list] : asked) {
-    peers[source].rank = source;
-    for (const Request& r : list) peers[source].shared.push_back({topology.find(r.key), r.mask});
-  }
-  peers_.clear();
-  for (auto& [rank, peer] : peers) peers_.push_back(std::move(peer));
-  requests_->comm = mpi_comm(communicator);
+  // Owners grant the blocks that are active at their place.
+  Wanted granted;
+  for (const auto& [source, list] : exchange_requests(communicator, wished))
+    for (const BlockRequest& request : list)
+      if (const Slot slot = topology.find(request.key); slot != no_slot && slot < topology.owned())
+        granted[source].push_back(request);
+  const Wanted wanted = exchange_requests(communicator, granted);
+  for (const auto& [owner, list] : wanted)
+    for (const BlockRequest& request : list)
+      if (topology.find(request.key) == no_slot) ghosts.push_back(request.key);
+  topology.rebuild(owned, ghosts);
+  connect(communicator, topology, wanted, granted);
 }
 
 namespace {
@@ -253,6 +308,8 @@ std::size_t Halo<Dim>::allocated_bytes() const {
   return bytes;
 }
 
+template NodeMask nodes_within<2>(int, int, int);
+template NodeMask nodes_within<3>(int, int, int);
 template NodeMask reachable_nodes<2>(int, int);
 template NodeMask reachable_nodes<3>(int, int);
 template class Halo<2>;

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <bit>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -38,12 +38,21 @@ namespace detail {
 template <class T, int Width>
 using NativeVector [[gnu::vector_size(Width * sizeof(T))]] = T;
 
-template <class To, class From>
-inline To copy_bits(const From& from) {
-  static_assert(sizeof(To) == sizeof(From));
-  To to;
-  std::memcpy(static_cast<void*>(&to), static_cast<const void*>(&from), sizeof(To));
-  return to;
+// How many numbers of a pack the machine holds in one register.
+template <class T, int Width>
+inline constexpr int register_width =
+    Eigen::internal::unpacket_traits<typename Eigen::internal::find_best_packet<T, Width>::type>::size;
+
+// Converts Width numbers, a register at a time.
+template <int Width, class From, class To>
+inline void convert(const From* from, To* to) {
+  constexpr int step = std::min(register_width<From, Width>, register_width<To, Width>);
+  for (int i = 0; i < Width; i += step) {
+    NativeVector<From, step> raw;
+    std::memcpy(&raw, from + i, sizeof(raw));
+    const auto converted = __builtin_convertvector(raw, NativeVector<To, step>);
+    std::memcpy(to + i, &converted, sizeof(converted));
+  }
 }
 
 }  // namespace detail
@@ -53,30 +62,26 @@ inline To copy_bits(const From& from) {
 template <class S, class T>
 inline S load(const T* p) {
   constexpr int width = PackTraits<S>::width;
-  using Scalar = typename PackTraits<S>::Scalar;
   if constexpr (width == 1) {
     return static_cast<S>(*p);
-  } else if constexpr (std::is_same_v<Scalar, T>) {
+  } else if constexpr (std::is_same_v<typename PackTraits<S>::Scalar, T>) {
     return Eigen::Map<const S, Eigen::Aligned64>(p);
   } else {
-    detail::NativeVector<T, width> raw;
-    std::memcpy(&raw, p, sizeof(raw));
-    return detail::copy_bits<S>(__builtin_convertvector(raw, detail::NativeVector<Scalar, width>));
+    S out;
+    detail::convert<width>(p, out.data());
+    return out;
   }
 }
 
 template <class S, class T>
 inline void store(T* p, const S& value) {
   constexpr int width = PackTraits<S>::width;
-  using Scalar = typename PackTraits<S>::Scalar;
   if constexpr (width == 1) {
     *p = static_cast<T>(value);
-  } else if constexpr (std::is_same_v<Scalar, T>) {
+  } else if constexpr (std::is_same_v<typename PackTraits<S>::Scalar, T>) {
     Eigen::Map<S, Eigen::Aligned64>{p} = value;
   } else {
-    const auto raw = detail::copy_bits<detail::NativeVector<Scalar, width>>(value);
-    const auto converted = __builtin_convertvector(raw, detail::NativeVector<T, width>);
-    std::memcpy(p, &converted, sizeof(converted));
+    detail::convert<width>(value.data(), p);
   }
 }
 
@@ -149,22 +154,40 @@ inline S abs_of(const S& a) {
   return abs(a);
 }
 
+namespace detail {
+
+// A first guess of a^(-1/3), right to 4 %: the bits of a number are about its logarithm, so the guess has the
+// bits magic - bits / 3. The magic number is 4/3 of the exponent's bias less a fraction that centres the
+// error.
+template <class T, int Width>
+inline void guess_inverse_cube_root(const T* a, T* guess) {
+  using Integer = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;
+  constexpr Integer magic = sizeof(T) == 8 ? Integer(0x553EF0FF289DD796u) : Integer(0x54A2FA8Cu);
+  constexpr int step = register_width<T, Width>;
+  for (int i = 0; i < Width; i += step) {
+    NativeVector<Integer, step> bits;
+    std::memcpy(&bits, a + i, sizeof(bits));
+    bits = (bits >> 2) + (bits >> 4);  // 5/16, then times 17/16 and 257/256: 1/3 to 2e-5
+    bits += bits >> 4;
+    bits += bits >> 8;
+    bits = magic - bits;
+    std::memcpy(guess + i, &bits, sizeof(bits));
+  }
+}
+
+}  // namespace detail
+
 // a^(-1/3) to about 2 ulp for normal numbers a, NaN for a <= 0; a quarter of the time of exp(-1/3 log a).
 template <class S>
 inline S inverse_cube_root(const S& a) {
-  constexpr int width = PackTraits<S>::width;
   using Scalar = typename PackTraits<S>::Scalar;
-  using Integer = std::conditional_t<sizeof(Scalar) == 8, std::uint64_t, std::uint32_t>;
-  using Bits = std::conditional_t<width == 1, Integer, detail::NativeVector<Integer, width>>;
-  // The bits of a number are about the logarithm: (a first guess) = magic - bits / 3, right to 4 %. The magic
-  // number is 4/3 of the exponent's bias less a fraction that centres the error.
-  constexpr Integer magic = sizeof(Scalar) == 8 ? Integer(0x553EF0FF289DD796u) : Integer(0x54A2FA8Cu);
-  const Bits bits = detail::copy_bits<Bits>(a);
-  Bits third = (bits >> 2) + (bits >> 4);  // 5/16, then times 17/16 and 257/256: 1/3 to 2e-5
-  third += third >> 4;
-  third += third >> 8;
-  S y = detail::copy_bits<S, Bits>(magic - third);
-  // Two terms of y (1 - r)^(-1/3) with r = 1 - a y^3, of fourth order.
+  S y;
+  if constexpr (PackTraits<S>::width == 1) {
+    detail::guess_inverse_cube_root<Scalar, 1>(&a, &y);
+  } else {
+    detail::guess_inverse_cube_root<Scalar, PackTraits<S>::width>(a.data(), y.data());
+  }
+  // Three terms of y (1 - r)^(-1/3) with r = 1 - a y^3: each iteration is of fourth order.
   for (int iteration = 0; iteration < 2; ++iteration) {
     const S r = broadcast<S>(1.0) - a * y * y * y;
     const S series = broadcast<S>(1.0 / 3) + r * (broadcast<S>(2.0 / 9) + r * broadcast<S>(14.0 / 81));

@@ -36,6 +36,8 @@ class Decomposition {
   // Largest weight of a rank over the mean, for the present owners. Collective.
   Real imbalance(const Communicator& communicator, const Weights& local_weights) const;
 
+  // Blocks of the domain per direction.
+  const IntVec<Dim>& blocks() const { return blocks_; }
   bool empty() const { return owners_.empty(); }
   const std::vector<std::int32_t>& owners() const { return owners_; }
   // Takes over the owners of a checkpoint written on the same number of ranks.
@@ -48,6 +50,7 @@ class Decomposition {
   std::vector<int> renamed(const Weights& weights, const std::vector<int>& parts, int ranks) const;
   void assign(const Weights& weights, const std::vector<int>& owners);
 
+  IntVec<Dim> blocks_ = IntVec<Dim>::Zero();
   IntVec<Dim> counts_ = IntVec<Dim>::Zero();  // coarse blocks per direction
   int shift_ = 0;
   GlobalIndex entries_ = 0;

@@ -41,6 +41,9 @@ class Distribution {
   const BlockTopology<Dim>& topology() const { return topology_; }
   Halo<Dim>& halo() { return halo_; }
   const Halo<Dim>& halo() const { return halo_; }
+  // For assembled operators: from the next redistribution on there is a halo of all nodes that a row can couple to.
+  void require_row_halo() { needs_row_halo_ = true; }
+  Halo<Dim>& row_halo() { return row_halo_; }
   const DistributionOptions& options() const { return options_; }
 
   // max/mean weight after the last redistribution.
@@ -52,7 +55,8 @@ class Distribution {
   int sorts() const { return sorts_; }
   int rebalances() const { return rebalances_; }
   std::size_t allocated_bytes() const {
-    return decomposition_.allocated_bytes() + topology_.allocated_bytes() + halo_.allocated_bytes();
+    return decomposition_.allocated_bytes() + topology_.allocated_bytes() + halo_.allocated_bytes() +
+           row_halo_.allocated_bytes();
   }
 
  private:
@@ -66,7 +70,8 @@ class Distribution {
   DistributionOptions options_;
   Decomposition<Dim> decomposition_;
   BlockTopology<Dim> topology_;
-  Halo<Dim> halo_;
+  Halo<Dim> halo_, row_halo_;
+  bool needs_row_halo_ = false;
   std::vector<std::vector<char>> keep_;  // per body: 0 for particles that went away since the last sort
   Real imbalance_ = 1;
   GlobalIndex removed_ = 0, kept_ = 0, migrated_ = 0;

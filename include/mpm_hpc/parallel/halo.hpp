@@ -1,6 +1,7 @@
 // Sums and copies node values across ranks: one packed non-blocking message per neighbour and direction.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -18,6 +19,16 @@ using NodeMask = std::uint64_t;
 template <int Dim>
 NodeMask reachable_nodes(int number, int kernel_support);
 
+// Nodes of the neighbour `number` at most `below` nodes before the block's first node and `above` after its last.
+template <int Dim>
+NodeMask nodes_within(int number, int below, int above);
+
+// What a rank asks of a block's owner.
+struct BlockRequest {
+  BlockKey key;
+  NodeMask mask;
+};
+
 template <int Dim>
 class Halo {
  public:
@@ -25,6 +36,12 @@ class Halo {
   // rebuilds the topology. Collective.
   void rebuild(const Communicator& communicator, const Decomposition<Dim>& decomposition,
                const std::vector<BlockKey>& occupied, int kernel_support, BlockTopology<Dim>& topology);
+
+  // The halo of the rows of an assembled operator: every node within `reach` of this rank's owned nodes, as far as its
+  // owner has it. A row may couple nodes that none of this rank's own particles reach; their blocks join the topology
+  // behind the other ghosts. Fills only. Collective, after rebuild() of the halo that made the topology.
+  void rebuild_for_rows(const Communicator& communicator, const Decomposition<Dim>& decomposition, int reach,
+                        BlockTopology<Dim>& topology);
 
   // Adds the ghosts' values to their owners' nodes, for the given fields in one message per neighbour.
   void start_sum(GridFields& fields, const std::vector<FieldId>& which);
@@ -67,6 +84,9 @@ class Halo {
     std::vector<char> send, receive;
   };
   struct Requests;
+  using Wanted = std::map<int, std::vector<BlockRequest>>;
+  void connect(const Communicator& communicator, const BlockTopology<Dim>& topology, const Wanted& wanted,
+               const Wanted& asked);
   void start(GridFields& fields, const std::vector<FieldId>& which, bool sum);
   void finish();
 

@@ -9,9 +9,6 @@
 
 namespace mpm {
 
-// Particles per call of the stages below: two stages' scratch and the tile stay in L1.
-inline constexpr int chunk_particles = 64;
-
 // Gives the Kirchhoff stress of a run of particles; one call per chunk.
 template <int Dim, class T>
 class StressSource {

@@ -9,8 +9,8 @@
 namespace mpm {
 
 // Node t of the tile is node t - 1 of the block in each direction: one node of drift below, and the stencil's reach plus
-// one node of drift above. Values: data[(((t_x * side) + t_y) * side + t_z) * node_values + c].
-template <class Kernel, int Dim, class T>
+// one node of drift above. Values: data[(((t_x * side) + t_y) * side + t_z) * Values + c].
+template <class Kernel, int Dim, class T, int Values = node_values>
 struct Tile {
   static constexpr int side = block_side + Kernel::support + 1;
   static constexpr int rows = Dim == 2 ? side : side * side;
@@ -18,23 +18,23 @@ struct Tile {
   static_assert(side <= 2 * block_side, "a row spans three blocks with at most three nodes of the upper one");
 
   // Rows are read four nodes at a time, so the last one needs room behind it.
-  alignas(64) T data[(nodes + row_nodes) * node_values];
+  alignas(64) T data[(nodes + row_nodes) * Values];
 
   void zero() { std::memset(data, 0, sizeof(data)); }
 
   void gather(const BlockTopology<Dim>& topology, Slot slot, const T* grid) {
     for_each_segment(topology, slot, [this, grid](int tile_node, std::size_t grid_node, auto count) {
-      std::memcpy(data + tile_node * node_values, grid + grid_node * node_values,
-                  decltype(count)::value * node_values * sizeof(T));
+      std::memcpy(data + tile_node * Values, grid + grid_node * Values,
+                  decltype(count)::value * Values * sizeof(T));
     });
-    std::memset(data + nodes * node_values, 0, row_nodes * node_values * sizeof(T));
+    std::memset(data + nodes * Values, 0, row_nodes * Values * sizeof(T));
   }
 
   void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* grid) const {
     for_each_segment(topology, slot, [this, grid](int tile_node, std::size_t grid_node, auto count) {
-      T* out = grid + grid_node * node_values;
-      const T* in = data + tile_node * node_values;
-      for (int i = 0; i < decltype(count)::value * node_values; ++i) out[i] += in[i];
+      T* out = grid + grid_node * Values;
+      const T* in = data + tile_node * Values;
+      for (int i = 0; i < decltype(count)::value * Values; ++i) out[i] += in[i];
     });
   }
 

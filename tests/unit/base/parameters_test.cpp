@@ -2,10 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
+#include <cstdlib>
 #include <fstream>
 
 #include "mpm_hpc/base/error.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace mpm {
 namespace {
@@ -269,9 +270,8 @@ TEST(Parameters, OverrideErrorsNameTheOverride) {
 
 TEST(Parameters, FilesAreLocatedAndKept) {
   EXPECT_THROW(Parameters::read_file("no/such/scene.toml"), UserError);
-  const auto folder = std::filesystem::temp_directory_path() / "mpm_hpc_parameters_test";
-  std::filesystem::create_directories(folder);
-  EXPECT_THROW(Parameters::read_file(folder), UserError);
+  const test::TemporaryFolder folder;
+  EXPECT_THROW(Parameters::read_file(folder.path()), UserError);
   const auto file = folder / "scene.toml";
   std::ofstream(file) << good;
   Scene scene;
@@ -282,7 +282,6 @@ TEST(Parameters, FilesAreLocatedAndKept) {
   EXPECT_EQ(p.where("precision"), file.string() + ":3:13");
   EXPECT_TRUE(p.has("precision"));
   EXPECT_FALSE(p.has("seed"));
-  std::filesystem::remove_all(folder);
 }
 
 std::string described_json() {
@@ -305,11 +304,11 @@ TEST(Parameters, DescribesItselfAsText) {
 }
 
 TEST(Parameters, DescribesItselfAsJsonSchema) {
-  const auto file = std::filesystem::temp_directory_path() / "mpm_hpc_parameters_schema.json";
+  const test::TemporaryFolder folder;
+  const auto file = folder / "schema.json";
   std::ofstream(file) << described_json();
   EXPECT_EQ(std::system(("python3 -m json.tool " + file.string() + " > /dev/null").c_str()), 0)
       << described_json();
-  std::filesystem::remove(file);
 }
 
 // A recursive form is described once and referred to.

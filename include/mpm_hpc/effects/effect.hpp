@@ -1,0 +1,62 @@
+// What a scene can switch on: an effect declares its fields and joins the hooks of the step. One that the scene does not
+// name is not constructed and costs nothing.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mpm_hpc/effects/state.hpp"
+
+namespace mpm {
+
+// Where effects join the step (design: before_p2g | P2G, on_p2g | halo sum | on_grid | halo fill | G2P, on_g2p |
+// after_g2p). Empty hooks cost one test per step.
+template <int Dim>
+struct StepHooks {
+  using Hook = std::function<void(State<Dim>&)>;
+  // Called with a body's number and some of its ranges: those next to ghosts before the halo starts, the rest while it
+  // is under way.
+  using RangeHook = std::function<void(State<Dim>&, std::size_t body, const std::vector<int>& ranges)>;
+
+  std::vector<Hook> before_p2g;
+  std::vector<RangeHook> on_p2g;
+  std::vector<Hook> on_grid;  // owned nodes hold velocities and mass
+  std::vector<RangeHook> on_g2p;
+  std::vector<Hook> after_g2p;
+};
+
+// One number of a history row. Parts of the ranks are combined by `kind`.
+struct HistoryValue {
+  enum class Kind { sum, min, max };
+  std::string name, unit;
+  Real value = 0;
+  Kind kind = Kind::sum;
+};
+
+template <int Dim>
+class Effect {
+ public:
+  virtual ~Effect() = default;
+
+  // One line for --explain: what it does here and why it is built.
+  virtual std::string explain() const = 0;
+  // Adds particle columns and grid fields; materials and (empty) bodies exist, particles don't. Throws UserError for a
+  // combination that makes no sense.
+  virtual void declare_fields(State<Dim>&) {}
+  // Sets its columns for new particles of a fresh run, before they are distributed. Local to each rank.
+  virtual void initialise(State<Dim>&) {}
+  virtual void join(StepHooks<Dim>& hooks) = 0;
+
+  // Its columns of history.csv, in a fixed order: this rank's parts. Collective.
+  virtual void history(State<Dim>&, std::vector<HistoryValue>&) {}
+  // Numbers that a checkpoint must carry beside particle columns and the ledger.
+  virtual void save(std::map<std::string, std::vector<Real>>&) const {}
+  virtual void restore(const std::map<std::string, std::vector<Real>>&) {}
+  // Largest number of its own per-rank bytes outside the field sets.
+  virtual std::size_t allocated_bytes() const { return 0; }
+};
+
+}  // namespace mpm

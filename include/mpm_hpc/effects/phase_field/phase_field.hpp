@@ -1,0 +1,62 @@
+// Phase-field fracture (PFF-MPM, physics.md section 5): a field c on the particles of bodies with a toughness, driven by
+// the tensile energy, smoothed by a solve on the grid, and weakening the stress.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "mpm_hpc/base/parameters.hpp"
+#include "mpm_hpc/effects/effect.hpp"
+#include "mpm_hpc/effects/phase_field/phase_law.hpp"
+#include "mpm_hpc/effects/phase_field/phase_system.hpp"
+#include "mpm_hpc/math/shape.hpp"
+
+namespace mpm {
+
+template <int Dim>
+class PhaseField final : public Effect<Dim> {
+ public:
+  explicit PhaseField(Parameters& p);
+
+  std::string explain() const override;
+  void declare_fields(State<Dim>& state) override;
+  void initialise(State<Dim>& state) override;
+  void join(StepHooks<Dim>& hooks) override;
+  void history(State<Dim>& state, std::vector<HistoryValue>& row) override;
+  void save(std::map<std::string, std::vector<Real>>& numbers) const override;
+  void restore(const std::map<std::string, std::vector<Real>>& numbers) override;
+  std::size_t allocated_bytes() const override { return system_ ? system_->allocated_bytes() : 0; }
+
+ private:
+  // What the effect knows of a body that can fracture.
+  struct BodyPart {
+    std::size_t body;
+    PhaseLaw law;
+    FieldId phase, conductivity, history;  // history == no_field: the current energy drives
+  };
+  template <class T>
+  class Source;
+  template <class T>
+  class PhaseOnly;
+
+  void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
+  void solve(State<Dim>& state);
+  void update(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
+  Real crack_energy(State<Dim>& state);
+
+  std::optional<Real> length_;  // l0 [m]; default h / 2
+  std::optional<Real> mobility_;  // M_c [1/s]; none: rate-independent
+  Real residual_ = 1e-3;
+  bool running_maximum_ = false, corrected_ = true;
+  std::string operator_ = "auto";
+  LinearSolverOptions solver_options_;
+  std::vector<Shape<Dim>> cracks_;
+  std::string where_;
+
+  std::vector<BodyPart> parts_;
+  std::vector<int> part_of_body_;  // -1: can't fracture
+  std::unique_ptr<PhaseSystem<Dim>> system_;
+  Real iterations_since_row_ = 0;
+};
+
+}  // namespace mpm

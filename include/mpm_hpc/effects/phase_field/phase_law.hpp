@@ -1,0 +1,44 @@
+// The equations of phase-field fracture at one particle (physics.md section 5), divided by the mobility so that the
+// rate-independent limit is just another value.
+#pragma once
+
+#include "mpm_hpc/math/simd.hpp"
+
+namespace mpm {
+
+// c = 1 intact, c = 0 broken. With m = 1 / (M_c dt), m = 0 for M_c -> infinity, backward Euler on the grid reads
+//   (M + H) c = r,  M_ii = sum_p V_p (4 l0 (1 - r) H_p / G_c + 1 + m) w_ip,  r_i = sum_p V_p (1 + m c_p) w_ip,
+//   H_ij = sum_p V_p 4 l0^2 grad w_ip . grad w_jp.
+struct PhaseLaw {
+  double length = 0;            // l0 [m]
+  double residual = 0;          // r
+  double toughness = 1;         // G_c as it enters the equations, corrected for the grid if asked for [J/m^2]
+  double inverse_mobility = 0;  // 1 / M_c [s]
+
+  // 4 l0 (1 - r) H / G_c, the driving force over the resistance.
+  template <class S>
+  S drive(const S& history) const {
+    return broadcast<S>(4 * length * (1 - residual) / toughness) * history;
+  }
+  template <class S>
+  S diagonal(const S& history, double dt) const {
+    return drive(history) + broadcast<S>(1 + inverse_mobility / dt);
+  }
+  template <class S>
+  S right_hand_side(const S& phase, double dt) const {
+    return broadcast<S>(1.0) + broadcast<S>(inverse_mobility / dt) * phase;
+  }
+  double conductivity() const { return 4 * length * length; }
+  // G_c ((c - 1)^2 / (4 l0) + l0 |grad c|^2) [J/m^3].
+  double energy_density(double phase, double gradient_squared) const {
+    return toughness * ((phase - 1) * (phase - 1) / (4 * length) + length * gradient_squared);
+  }
+};
+
+// The discretised crack costs (1 + k h / l0) G_c per area, k by kernel (physics.md section 5): dividing by it gives the
+// toughness that the user asked for. k = 0.40 for the quadratic kernel.
+inline double corrected_toughness(double toughness, double spacing, double length, double k) {
+  return toughness / (1 + k * spacing / length);
+}
+
+}  // namespace mpm

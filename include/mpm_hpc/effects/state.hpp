@@ -1,0 +1,99 @@
+// Everything that one simulation holds on this rank; what integrators and effects work on.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mpm_hpc/base/timer.hpp"
+#include "mpm_hpc/fields/grid_fields.hpp"
+#include "mpm_hpc/materials/material_update.hpp"
+#include "mpm_hpc/parallel/distribution.hpp"
+#include "mpm_hpc/transfer/grid_to_particle.hpp"
+
+namespace mpm {
+
+// What the next step's size must respect: maxima over all particles after the last step.
+struct StepLimits {
+  KinematicLimits kinematic;
+  Real signal_speed = 0;     // |v| + c [m/s]
+  Real stiffness_speed = 0;  // sqrt(lambda_max(A) / rho0) [m/s]
+  Real min_jacobian = std::numeric_limits<Real>::infinity();
+};
+
+// How the stress of a body is weakened: the phase column, when an effect gives it one, and its residual.
+struct Degradation {
+  FieldId phase = no_field;
+  Real residual = 0;
+};
+
+// Sums over time that history and checkpoint carry, by name; each rank adds its own part.
+class Ledger {
+ public:
+  Real& operator[](const std::string& name) { return entries_[name]; }
+  const std::map<std::string, Real>& entries() const { return entries_; }
+  // Moves all parts to rank 0, so that a run that goes on and one that restarts add in the same order. Collective.
+  void consolidate(const Communicator& communicator);
+
+ private:
+  std::map<std::string, Real> entries_;
+};
+
+// Work of an implicit solve, the same on all ranks.
+struct SolverWork {
+  GlobalIndex solves = 0, iterations = 0;
+};
+
+template <int Dim>
+struct State {
+  Precision precision = Precision::double_precision;
+  std::vector<Body<Dim>> bodies;
+  std::vector<std::unique_ptr<Material<Dim>>> materials;
+  std::vector<Degradation> degradation;  // by body
+  Distribution<Dim> distribution;        // communicator, geometry, topology, halo
+  GridFields fields;
+  FieldId nodes = no_field;  // the core grid field: momentum, then velocity; mass
+
+  Real time = 0, dt = 0;  // [s]; of the step under way
+  std::int64_t step = 0;
+  StepLimits limits;
+  Real drift = 0;  // bound of the particles' way since the last sort [m]
+  Ledger ledger;   // "external_work" [J] among others
+  std::map<std::string, GlobalIndex> guards;  // how often each guard acted on this rank
+  std::map<std::string, SolverWork> solvers;          // by name, since the start of the run
+  Real busy = 0;  // compute time since the last sort [s], for weights by time
+  Timers timers;
+
+  const Communicator& communicator() const { return distribution.communicator(); }
+  const GridGeometry<Dim>& geometry() const { return distribution.grid(); }
+  const BlockTopology<Dim>& topology() const { return distribution.topology(); }
+  Halo<Dim>& halo() { return distribution.halo(); }
+  const Material<Dim>& material_of(std::size_t body) const { return *materials[bodies[body].material]; }
+
+  // (velocity, mass) of node 0 of a slot.
+  template <class T>
+  T* node_values_of(Slot slot) const {
+    return fields.template data<T>(nodes) + static_cast<std::size_t>(slot) * nodes_per_block<Dim> * node_values;
+  }
+};
+
+// Sorts and migrates if the particles may have drifted by a cell since the last sort, beyond which the transfers refuse
+// to work. Collective.
+template <int Dim>
+void sort_if_drifted(State<Dim>& state);
+
+// Sorts and migrates in any case. Collective.
+template <int Dim>
+void sort_particles(State<Dim>& state, OrderWithinCell within);
+
+// Calls f(node's grid coordinates, pointer to its velocity and mass) for each owned node with mass in the given block.
+template <class T, int Dim, class F>
+void for_massive_nodes(const State<Dim>& state, Slot slot, F&& f) {
+  T* values = state.template node_values_of<T>(slot);
+  const IntVec<Dim> first = state.topology().first_node(slot);
+  for (int n = 0; n < nodes_per_block<Dim>; ++n, values += node_values)
+    if (values[Dim] > 0) f(IntVec<Dim>(first + node_in_block<Dim>(n)), values);
+}
+
+}  // namespace mpm

@@ -1,0 +1,29 @@
+// Particles that another program made, read from an HDF5 file.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "mpm_hpc/parallel/communicator.hpp"
+
+namespace mpm {
+
+// Rows [first, first + position.size()) of `total`; quantities that the file lacks are empty.
+template <int Dim>
+struct PointCloud {
+  GlobalIndex total = 0, first = 0;
+  std::vector<Vec<Dim>> position;              // [m]
+  std::vector<Vec<Dim>> velocity;              // [m/s]
+  std::vector<Real> volume;                    // [m^3], undeformed
+  std::vector<Mat<Dim>> deformation_gradient;
+};
+
+// Datasets `position` (n x Dim) and, if there, `velocity` (n x Dim), `volume` (n) and `deformation_gradient`
+// (n x Dim x Dim), of any number type. Each rank gets an equal share of the rows. `where` is the place in the scene that
+// names the file, for messages. Throws FileError on all ranks. Collective.
+template <int Dim>
+PointCloud<Dim> read_point_cloud_hdf5(const Communicator& communicator, const std::filesystem::path& file,
+                                      const std::string& where);
+
+}  // namespace mpm

@@ -1,0 +1,63 @@
+// Particles on a lattice inside of a shape, the same for any number of ranks.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "mpm_hpc/base/types.hpp"
+#include "mpm_hpc/math/shape.hpp"
+
+namespace mpm {
+
+class Parameters;
+
+template <int Dim>
+struct SeedingOptions {
+  Vec<Dim> origin = Vec<Dim>::Zero();  // a corner of a grid cell [m]
+  Real spacing = 0;                    // edge of a grid cell [m]
+  int particles_per_cell = 1 << Dim;   // a perfect square in 2D, cube in 3D
+  Real jitter = 0;                     // largest shift per direction over the edge of a sub-cell, 0 to 0.5
+  std::uint64_t seed = 0;
+  // Where particles may be; needed if the shape is unbounded.
+  BoundingBox<Dim> domain = BoundingBox<Dim>::everything();
+};
+
+// Declares particles_per_cell and jitter, the options that belong to a body.
+template <int Dim>
+void declare_seeding(Parameters& p, SeedingOptions<Dim>& options);
+
+// The lattice of sub-cell centres of the cells that the shape's bounds meet. A particle exists if its lattice
+// point is inside before the jitter; a lattice point on the surface counts to the solid on its upper side, so
+// that bodies that touch neither share nor lose one. The jitter hashes the seed with the point's place in the
+// lattice.
+template <int Dim>
+class Seeding {
+ public:
+  // Throws UserError for an unbounded shape, a spacing <= 0 or a number of particles that is no power.
+  Seeding(Shape<Dim> shape, const SeedingOptions<Dim>& options);
+
+  GlobalIndex cells() const;
+  // First cell of part r of P: rank r seeds particles(first_cell(r, P), first_cell(r + 1, P)).
+  GlobalIndex first_cell(int part, int parts) const;
+  // In the order of the cells, first direction fastest, then of the sub-cells.
+  std::vector<Vec<Dim>> particles(GlobalIndex begin_cell, GlobalIndex end_cell) const;
+  Real particle_volume() const { return volume_; }  // [m^Dim]
+
+ private:
+  using LatticePoint = Eigen::Matrix<std::int64_t, Dim, 1>;
+
+  Vec<Dim> jittered(const Vec<Dim>& x, const LatticePoint& sub_cell) const;
+
+  Shape<Dim> shape_;
+  SeedingOptions<Dim> options_;
+  int per_direction_;
+  Real volume_;
+  LatticePoint lower_;   // first cell
+  LatticePoint counts_;  // cells per direction
+};
+
+// The Dim-th root of particles_per_cell; throws UserError that names the nearest valid numbers.
+template <int Dim>
+int particles_per_direction(int particles_per_cell);
+
+}  // namespace mpm

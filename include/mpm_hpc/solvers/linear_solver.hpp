@@ -1,0 +1,61 @@
+// A distributed symmetric linear system, assembled or matrix-free, solved by PETSc (Jacobi-PCG unless the command line
+// says otherwise).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mpm_hpc/parallel/communicator.hpp"
+
+namespace mpm {
+
+struct LinearSolverOptions {
+  Real relative_tolerance = 1e-6;  // of the preconditioned residual against the preconditioned right-hand side
+  int max_iterations = 10000;
+};
+
+// Compressed rows of this rank, with global column numbers.
+struct SparseRows {
+  std::vector<int> starts{0};  // rows + 1
+  std::vector<int> columns;
+  std::vector<Real> values;
+
+  void clear() {
+    starts.assign(1, 0);
+    columns.clear();
+    values.clear();
+  }
+};
+
+// All members but the accessors are collective. Throws NumericalFailure when PETSc fails or doesn't converge.
+class LinearSolver {
+ public:
+  // PETSc reads its options with this prefix: "phase_" gives -phase_ksp_type and so on.
+  LinearSolver(const Communicator& communicator, const std::string& prefix, const LinearSolverOptions& options);
+  ~LinearSolver();
+  LinearSolver(const LinearSolver&) = delete;
+  LinearSolver& operator=(const LinearSolver&) = delete;
+
+  // Sets the rows of this rank and returns the global number of the first one.
+  GlobalIndex set_rows(int local_rows);
+
+  // The operator: as rows, copied into a PETSc AIJ matrix ...
+  void assemble(const SparseRows& rows);
+  // ... or as a function y = A x on this rank's entries (collective itself) with its diagonal.
+  using Apply = std::function<void(const Real* x, Real* y)>;
+  void set_operator(Apply apply, std::vector<Real> diagonal);
+
+  // `solution` holds the start values and then the solution; returns the number of iterations.
+  int solve(const std::vector<Real>& rhs, std::vector<Real>& solution);
+
+  // What the matrix and the vectors take on this rank.
+  std::size_t allocated_bytes() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mpm

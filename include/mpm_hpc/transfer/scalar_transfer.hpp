@@ -1,0 +1,51 @@
+// Transfers of scalar fields between particles and nodes, and the discrete Laplacian on the particles' quadrature: what
+// a diffusion-like effect (the phase field) needs of the grid.
+#pragma once
+
+#include <vector>
+
+#include "mpm_hpc/fields/body.hpp"
+#include "mpm_hpc/fields/grid_geometry.hpp"
+
+namespace mpm {
+
+template <int Dim>
+struct ScalarGrid {
+  const GridGeometry<Dim>& geometry;
+  const BlockTopology<Dim>& topology;
+};
+
+// What a chunk of particles puts onto the nodes.
+template <class T>
+class ValueSource {
+ public:
+  virtual ~ValueSource() = default;
+  // q[c][p - begin], four values per particle; conductivity[p - begin] = k_p of the Laplacian below.
+  virtual void values(Index begin, Index end, T* const* q, T* conductivity) = 0;
+};
+
+// Receives the interpolated field and its gradient of a chunk.
+template <class T>
+class ValueSink {
+ public:
+  virtual ~ValueSink() = default;
+  // value[p - begin] = sum_i w_ip x_i; gradient[a][p - begin] = D_p^-1 sum_i w_ip x_i (x_i - x_p).
+  virtual void values(Index begin, Index end, const T* value, const T* const* gradient) = 0;
+};
+
+// nodes[n * node_values + c] += sum_p w_ip q_c, and diagonal[n] += the diagonal of the Laplacian
+//   H_ij = sum_p k_p (D_p^-1 w_ip (x_i - x_p)) . (D_p^-1 w_jp (x_j - x_p))     (physics.md section 5, MLS form).
+template <class Kernel, int Dim, class T>
+void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                    ValueSource<T>& source, T* nodes, T* diagonal);
+
+// y += H x in one sweep, without forming H; conductivity is a particle column. One value per node.
+template <class Kernel, int Dim, class T>
+void apply_laplacian(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                     const T* conductivity, const T* x, T* y);
+
+template <class Kernel, int Dim, class T>
+void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
+                   ValueSink<T>& sink);
+
+}  // namespace mpm

@@ -1,0 +1,50 @@
+#include "mpm_hpc/effects/gravity/gravity.hpp"
+
+#include <fmt/ranges.h>
+
+#include "mpm_hpc/effects/boundary/reaction.hpp"
+
+namespace mpm {
+
+template <int Dim>
+Gravity<Dim>::Gravity(Parameters& p) {
+  p.vector<Dim>("acceleration", acceleration_,
+                {.unit = "m/s^2", .required = true, .doc = "For example [0, -9.81] in 2D."});
+}
+
+template <int Dim>
+std::string Gravity<Dim>::explain() const {
+  return fmt::format("gravity: [{:.6g}] m/s^2 on all bodies",
+                     fmt::join(acceleration_.data(), acceleration_.data() + Dim, ", "));
+}
+
+template <int Dim>
+void Gravity<Dim>::declare_fields(State<Dim>& state) {
+  state.ledger["external_work"];
+}
+
+template <int Dim>
+void Gravity<Dim>::join(StepHooks<Dim>& hooks) {
+  hooks.on_grid.push_back([this](State<Dim>& state) { accelerate(state); });
+}
+
+template <int Dim>
+void Gravity<Dim>::accelerate(State<Dim>& state) const {
+  const Vec<Dim> change = state.dt * acceleration_;
+  Exchange<Dim> exchange;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (Slot s = 0; s < state.topology().owned(); ++s)
+      for_massive_nodes<T>(state, s, [&](const IntVec<Dim>&, T* values) {
+        Vec<Dim> velocity;
+        for (int a = 0; a < Dim; ++a) velocity[a] = values[a] + change[a];
+        exchange.set_velocity(values, velocity);
+      });
+  });
+  state.ledger["external_work"] += exchange.work;
+}
+
+template class Gravity<2>;
+template class Gravity<3>;
+
+}  // namespace mpm

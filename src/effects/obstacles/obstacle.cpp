@@ -1,0 +1,55 @@
+#include "mpm_hpc/effects/obstacles/obstacle.hpp"
+
+#include <fmt/format.h>
+
+#include "mpm_hpc/effects/boundary/node_loop.hpp"
+
+namespace mpm {
+
+template <int Dim>
+Obstacle<Dim>::Obstacle(Parameters& p) : reaction_(read_effect_name(p, "obstacle"), p.where("name")) {
+  declare_shape<Dim>(p, "shape", shape_, true, "The obstacle at time 0.");
+  if (shape_ && shape_.bounds().is_empty()) p.error_at("shape", "the shape is empty; give it a size.");
+  contact_ = read_contact(p);
+  motion_ = RigidMotion<Dim>::read(p, shape_);
+}
+
+template <int Dim>
+std::string Obstacle<Dim>::explain() const {
+  return fmt::format("obstacle {}: {}, {}", reaction_.name(), contact_.describe(), motion_.describe());
+}
+
+template <int Dim>
+void Obstacle<Dim>::declare_fields(State<Dim>& state) {
+  reaction_.declare(state);
+}
+
+template <int Dim>
+void Obstacle<Dim>::join(StepHooks<Dim>& hooks) {
+  hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+}
+
+template <int Dim>
+void Obstacle<Dim>::act(State<Dim>& state) {
+  const RigidStep<Dim> step = motion_.step(state.time, state.dt);
+  Exchange<Dim> exchange;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for_nodes_inside<T>(state, shape_, step.pose, [&](const Vec<Dim>& X, const Vec<Dim>& x, T* values) {
+      const Vec<Dim> surface = step.velocity_at(x);
+      Vec<Dim> relative;
+      for (int a = 0; a < Dim; ++a) relative[a] = values[a] - surface[a];
+      // A sticky obstacle needs no normal, which is dear for meshes.
+      const Vec<Dim> normal = contact_.condition == ContactCondition::sticky
+                                  ? Vec<Dim>(Vec<Dim>::Zero())
+                                  : Vec<Dim>(step.pose.rotation * shape_.normal(X));
+      exchange.set_velocity(values, surface + contact_.apply(normal, relative));
+    });
+  });
+  reaction_.add(state, exchange);
+}
+
+template class Obstacle<2>;
+template class Obstacle<3>;
+
+}  // namespace mpm

@@ -1,0 +1,333 @@
+#include "mpm_hpc/effects/phase_field/phase_field.hpp"
+
+#include <algorithm>
+
+#include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/math/bspline.hpp"
+#include "mpm_hpc/transfer/scalar_transfer.hpp"
+
+namespace mpm {
+
+namespace {
+
+using Kernel = QuadraticKernel;
+constexpr double toughness_correction = 0.40;  // k of the quadratic kernel
+constexpr double broken = 0.1;                 // c below which a particle counts as broken
+
+}  // namespace
+
+template <int Dim>
+PhaseField<Dim>::PhaseField(Parameters& p) {
+  where_ = p.where();
+  p.optional_real("length_scale", length_,
+                  {.unit = "m",
+                   .min = 0,
+                   .min_exclusive = true,
+                   .doc = "Regularisation length l0, half of the AT2 length of most papers; default half a grid spacing."});
+  p.optional_real("mobility", mobility_,
+                  {.unit = "1/s",
+                   .min = 0,
+                   .min_exclusive = true,
+                   .doc = "Mobility M_c of the crack evolution; without it the rate-independent equation is solved."});
+  p.real("residual", residual_,
+         {.min = 0, .max = 1, .max_exclusive = true, .doc = "Share r of the tensile stiffness that a broken particle keeps."});
+  std::string history = "current";
+  p.choice("history", history, {"current", "maximum"},
+           "Energy that drives the crack: the current tensile energy, or its running maximum.");
+  running_maximum_ = history == "maximum";
+  p.boolean("corrected_toughness", corrected_,
+            {.doc = "Divide the toughness by 1 + 0.40 h/l0, so that a crack costs fracture_toughness per area on this grid."});
+  p.choice("operator", operator_, {"auto", "assembled", "matrix_free"},
+           "How M + H is applied; auto takes the form that is faster for the mobility.");
+  p.real("tolerance", solver_options_.relative_tolerance,
+         {.min = 0, .min_exclusive = true, .max = 1, .max_exclusive = true, .doc = "Relative tolerance of the solve."});
+  p.integer("max_iterations", solver_options_.max_iterations, {.min = 1, .doc = "Largest number of PCG iterations."});
+  p.section_list("crack", SectionOptions("A region that is broken from the start."), [this](Parameters& q, int) {
+    cracks_.emplace_back();
+    declare_shape<Dim>(q, "shape", cracks_.back(), true, "Particles inside start with c = 0.");
+  });
+}
+
+template <int Dim>
+std::string PhaseField<Dim>::explain() const {
+  std::string bodies;
+  for (const BodyPart& part : parts_) bodies += fmt::format("{}{}", bodies.empty() ? "" : ", ", part.body);
+  const PhaseLaw& law = parts_.front().law;
+  return fmt::format("phase_field: fracture of bodies {}; l0 = {:.4g} m, {}, r = {:.3g}, G_c in the equations = {:.4g} "
+                     "J/m^2{}, operator {}",
+                     bodies, law.length,
+                     mobility_ ? fmt::format("mobility {:.4g} 1/s", *mobility_) : std::string("rate-independent"),
+                     law.residual, law.toughness, corrected_ ? " (corrected for the grid)" : "", operator_);
+}
+
+template <int Dim>
+void PhaseField<Dim>::declare_fields(State<Dim>& state) {
+  const Real spacing = state.geometry().spacing();
+  part_of_body_.assign(state.bodies.size(), -1);
+  std::vector<std::size_t> bodies;
+  std::vector<FieldId> conductivity(state.bodies.size(), no_field);
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    const Material<Dim>& material = state.material_of(b);
+    if (!material.can_fracture()) continue;
+    require_ability(material, MaterialAbility::split_energy, "effect.phase_field");
+    FieldSet& f = state.bodies[b].particles;
+    const ScalarType real = real_type(state.precision);
+    BodyPart part;
+    part.body = b;
+    part.law.length = length_.value_or(spacing / 2);
+    part.law.residual = residual_;
+    part.law.inverse_mobility = mobility_ ? 1 / *mobility_ : 0;
+    part.law.toughness = material.fracture_toughness();
+    if (corrected_)
+      part.law.toughness = corrected_toughness(part.law.toughness, spacing, part.law.length, toughness_correction);
+    part.phase = f.add({.name = "phase", .units = "1", .type = real, .in_output = true, .initial = 1});
+    part.conductivity = f.add({.name = "phase_conductivity", .units = "m^5", .type = real});
+    part.history =
+        running_maximum_ ? f.add({.name = "phase_history", .units = "J/m^3", .type = real}) : no_field;
+    state.degradation[b] = {part.phase, residual_};
+    part_of_body_[b] = static_cast<int>(parts_.size());
+    bodies.push_back(b);
+    conductivity[b] = part.conductivity;
+    parts_.push_back(part);
+  }
+  require(!parts_.empty(),
+          "{}: effect.phase_field is on but no body can fracture; give a body's material a fracture_toughness, or take "
+          "the effect out",
+          where_);
+  // Many iterations favour the matrix, few the sweep over the particles; without mobility there are many.
+  if (operator_ == "auto") operator_ = mobility_ ? "matrix_free" : "assembled";
+  system_ = std::make_unique<PhaseSystem<Dim>>(state, operator_ == "assembled", solver_options_);
+  system_->set_bodies(std::move(bodies), std::move(conductivity));
+}
+
+template <int Dim>
+void PhaseField<Dim>::initialise(State<Dim>& state) {
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (const BodyPart& part : parts_) {
+      const FieldSet& f = state.bodies[part.body].particles;
+      T* phase = f.template data<T>(part.phase);
+      for (Index p = 0; p < f.size(); ++p) {
+        Vec<Dim> x;
+        for (int a = 0; a < Dim; ++a) x[a] = f.template data<Real>(core::position, a)[p];
+        const bool cracked =
+            std::any_of(cracks_.begin(), cracks_.end(), [&x](const Shape<Dim>& s) { return s.contains(x); });
+        phase[p] = cracked ? T(0) : T(1);
+      }
+    }
+  });
+}
+
+template <int Dim>
+void PhaseField<Dim>::join(StepHooks<Dim>& hooks) {
+  hooks.on_p2g.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { scatter(s, b, r); });
+  hooks.on_grid.push_back([this](State<Dim>& s) { solve(s); });
+  hooks.on_g2p.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { update(s, b, r); });
+}
+
+// The four sums of a particle and its conductivity, from its present deformation and phase.
+template <int Dim>
+template <class T>
+class PhaseField<Dim>::Source final : public ValueSource<T> {
+ public:
+  Source(const State<Dim>& state, const BodyPart& part)
+      : material_(state.material_of(part.body)), law_(part.law), dt_(state.dt) {
+    const FieldSet& f = state.bodies[part.body].particles;
+    for (int c = 0; c < Dim * Dim; ++c) F_[c] = f.template data<T>(core::deformation_gradient, c);
+    mass_ = f.template data<T>(core::mass);
+    volume_ = f.template data<T>(core::volume);
+    phase_ = f.template data<T>(part.phase);
+    conductivity_ = f.template data<T>(part.conductivity);
+    history_ = part.history == no_field ? nullptr : f.template data<T>(part.history);
+  }
+
+  void values(Index begin, Index end, T* const* q, T* conductivity) override {
+    using S = Pack<T>;
+    using System = PhaseSystem<Dim>;
+    T* energy = q[System::mass_term];
+    material_.energy_plus(F_, begin, end, energy);
+    if (history_)
+      for (Index p = begin; p < end; ++p) energy[p - begin] = history_[p] = std::max(history_[p], energy[p - begin]);
+    for (Index p = begin; p < end; p += pack_width<T>) {
+      const Index i = p - begin;
+      Tensor<S, Dim> F;
+      for (int c = 0; c < Dim * Dim; ++c) F.m[c] = load<S>(F_[c] + p);
+      const S volume = determinant(F) * load<S>(volume_ + p), phase = load<S>(phase_ + p);
+      const S present = select_less<S>(S::Zero(), load<S>(mass_ + p), S::Ones(), S::Zero());
+      const S k = volume * static_cast<T>(law_.conductivity());
+      store(q[System::mass_term] + i, S(volume * law_.diagonal(load<S>(energy + i), dt_)));
+      store(q[System::right_hand_side] + i, S(volume * law_.right_hand_side(phase, dt_)));
+      store(q[System::weighted_phase] + i, S(present * phase));
+      store(q[System::weight] + i, present);
+      store(conductivity + i, k);
+      store(conductivity_ + p, k);
+    }
+  }
+
+ private:
+  const Material<Dim>& material_;
+  const PhaseLaw& law_;
+  Real dt_;
+  const T* F_[Dim * Dim];
+  const T *mass_, *volume_, *phase_;
+  T *conductivity_, *history_;
+};
+
+template <int Dim>
+void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges) {
+  if (part_of_body_[body] < 0) return;
+  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    Source<T> source(state, parts_[part_of_body_[body]]);
+    scatter_values<Kernel>(grid, state.bodies[body], ranges, source, state.fields.template data<T>(system_->values()),
+                           state.fields.template data<T>(system_->diagonal()));
+  });
+}
+
+template <int Dim>
+void PhaseField<Dim>::solve(State<Dim>& state) {
+  auto s = state.timers.scope("phase solve");
+  const int iterations = system_->solve(state);
+  SolverWork& work = state.solvers["phase_field"];
+  ++work.solves;
+  work.iterations += iterations;
+  iterations_since_row_ += iterations;
+}
+
+namespace {
+
+// c <- max(0, min(c, c + increment)): what is broken doesn't heal.
+template <class T, int Dim>
+struct NoHealing final : ValueSink<T> {
+  T* phase;
+  void values(Index begin, Index end, const T* increment, const T* const*) override {
+    for (Index p = begin; p < end; ++p)
+      phase[p] = std::max(T(0), std::min(phase[p], phase[p] + increment[p - begin]));
+  }
+};
+
+}  // namespace
+
+template <int Dim>
+void PhaseField<Dim>::update(State<Dim>& state, std::size_t body, const std::vector<int>& ranges) {
+  if (part_of_body_[body] < 0) return;
+  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    NoHealing<T, Dim> sink;
+    sink.phase = state.bodies[body].particles.template data<T>(parts_[part_of_body_[body]].phase);
+    gather_scalar<Kernel>(grid, state.bodies[body], ranges, state.fields.template data<T>(system_->increment()), sink);
+  });
+}
+
+// Only the sums that project_phase needs.
+template <int Dim>
+template <class T>
+class PhaseField<Dim>::PhaseOnly final : public ValueSource<T> {
+ public:
+  PhaseOnly(const FieldSet& f, const BodyPart& part)
+      : mass_(f.template data<T>(core::mass)), phase_(f.template data<T>(part.phase)) {}
+  void values(Index begin, Index end, T* const* q, T* conductivity) override {
+    using System = PhaseSystem<Dim>;
+    for (Index p = begin; p < end; ++p) {
+      const T present = mass_[p] > 0 ? T(1) : T(0);
+      q[System::mass_term][p - begin] = q[System::right_hand_side][p - begin] = conductivity[p - begin] = 0;
+      q[System::weighted_phase][p - begin] = present * phase_[p];
+      q[System::weight][p - begin] = present;
+    }
+  }
+
+ private:
+  const T *mass_, *phase_;
+};
+
+namespace {
+
+template <class T, int Dim>
+struct CrackEnergy final : ValueSink<T> {
+  const PhaseLaw& law;
+  const T *volume, *phase;
+  Real energy = 0;
+  CrackEnergy(const PhaseLaw& l, const T* v, const T* c) : law(l), volume(v), phase(c) {}
+  void values(Index begin, Index end, const T*, const T* const* gradient) override {
+    for (Index p = begin; p < end; ++p) {
+      Real squared = 0;
+      for (int a = 0; a < Dim; ++a) squared += static_cast<Real>(gradient[a][p - begin]) * gradient[a][p - begin];
+      energy += volume[p] * law.energy_density(phase[p], squared);
+    }
+  }
+};
+
+}  // namespace
+
+// sum_p V0_p G_c ((c - 1)^2 / 4 l0 + l0 |grad c|^2) of this rank, with the gradient of c on the grid.
+template <int Dim>
+Real PhaseField<Dim>::crack_energy(State<Dim>& state) {
+  sort_if_drifted(state);
+  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+  return with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    GridFields& fields = state.fields;
+    fields.zero(system_->values());
+    for (const BodyPart& part : parts_) {
+      const Body<Dim>& body = state.bodies[part.body];
+      PhaseOnly<T> source(body.particles, part);
+      for (const auto* ranges : {&body.boundary, &body.interior})
+        scatter_values<Kernel>(grid, body, *ranges, source, fields.template data<T>(system_->values()),
+                               fields.template data<T>(system_->diagonal()));
+    }
+    state.halo().sum(fields, {system_->values()});
+    system_->project_phase(state);
+    Real energy = 0;
+    for (const BodyPart& part : parts_) {
+      const Body<Dim>& body = state.bodies[part.body];
+      CrackEnergy<T, Dim> sink(part.law, body.particles.template data<T>(core::volume),
+                               body.particles.template data<T>(part.phase));
+      for (const auto* ranges : {&body.boundary, &body.interior})
+        gather_scalar<Kernel>(grid, body, *ranges, fields.template data<T>(system_->increment()), sink);
+      energy += sink.energy;
+    }
+    return energy;
+  });
+}
+
+template <int Dim>
+void PhaseField<Dim>::history(State<Dim>& state, std::vector<HistoryValue>& row) {
+  const Real energy = crack_energy(state);
+  Real broken_volume = 0, volume = 0, smallest = 1;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (const BodyPart& part : parts_) {
+      const FieldSet& f = state.bodies[part.body].particles;
+      const T *V = f.template data<T>(core::volume), *c = f.template data<T>(part.phase);
+      for (Index p = 0; p < f.size(); ++p) {
+        volume += V[p];
+        if (c[p] < static_cast<T>(broken)) broken_volume += V[p];
+        smallest = std::min(smallest, static_cast<Real>(c[p]));
+      }
+    }
+  });
+  const Real total = state.communicator().sum(volume);
+  const Real iterations = state.communicator().root() ? iterations_since_row_ : 0;
+  row.push_back({"fracture_energy", "J", energy});
+  row.push_back({"broken_fraction", "1", total > 0 ? broken_volume / total : 0});
+  row.push_back({"min_phase", "1", smallest, HistoryValue::Kind::min});
+  row.push_back({"krylov_iterations", "1", iterations});
+  iterations_since_row_ = 0;
+}
+
+template <int Dim>
+void PhaseField<Dim>::save(std::map<std::string, std::vector<Real>>& numbers) const {
+  numbers["phase_field_iterations"] = {iterations_since_row_};
+}
+
+template <int Dim>
+void PhaseField<Dim>::restore(const std::map<std::string, std::vector<Real>>& numbers) {
+  if (const auto it = numbers.find("phase_field_iterations"); it != numbers.end()) iterations_since_row_ = it->second[0];
+}
+
+template class PhaseField<2>;
+template class PhaseField<3>;
+
+}  // namespace mpm

@@ -1,0 +1,136 @@
+#include "mpm_hpc/effects/traction/traction.hpp"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/boundary/node_loop.hpp"
+#include "mpm_hpc/effects/boundary/reaction.hpp"
+
+namespace mpm {
+
+template <int Dim>
+Traction<Dim>::Traction(Parameters& p)
+    : name_(numbered_name(p, "traction")), where_shape_(p.where("shape")), where_bodies_(p.where("bodies")) {
+  declare_shape<Dim>(p, "shape", shape_, true, "Region that covers the loaded layer of particles at the start.");
+  if (shape_ && shape_.bounds().is_empty()) p.error_at("shape", "the shape is empty; give it a size.");
+  p.text_list("bodies", body_names_, {.doc = "Names of the loaded bodies. Default: all."});
+  p.vector<Dim>("traction", traction_, {.unit = "Pa", .required = true, .doc = "Force per undeformed area."});
+  p.real("area", area_,
+         {.unit = Dim == 2 ? "m" : "m^2", .min = 0, .min_exclusive = true, .required = true,
+          .doc = Dim == 2 ? "Length of the loaded surface." : "Area of the loaded surface."});
+  ramp_ = Ramp::read(p);
+}
+
+template <int Dim>
+std::string Traction<Dim>::explain() const {
+  return fmt::format("{}: dead load of [{:.6g}] Pa on {:.6g} {}", name_,
+                     fmt::join(traction_.data(), traction_.data() + Dim, ", "), area_,
+                     Dim == 2 ? "m (per metre of depth)" : "m^2");
+}
+
+template <int Dim>
+void Traction<Dim>::declare_fields(State<Dim>& state) {
+  state.ledger["external_work"];
+  std::vector<std::string> known;
+  for (const Body<Dim>& body : state.bodies) known.push_back(body.name);
+  for (const std::string& name : body_names_)
+    require(std::find(known.begin(), known.end(), name) != known.end(),
+            "{}: there is no body \"{}\"; the bodies are {}.", where_bodies_, name, fmt::join(known, ", "));
+  marks_.assign(state.bodies.size(), no_field);
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    if (!body_names_.empty() && std::find(body_names_.begin(), body_names_.end(), known[b]) == body_names_.end()) continue;
+    marks_[b] = state.bodies[b].particles.add({.name = name_, .units = "1", .type = real_type(state.precision)});
+  }
+}
+
+template <int Dim>
+void Traction<Dim>::initialise(State<Dim>& state) {
+  const Real tolerance = surface_tolerance * state.geometry().spacing();
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+      if (marks_[b] == no_field) continue;
+      const Body<Dim>& body = state.bodies[b];
+      T* mark = body.particles.template data<T>(marks_[b]);
+      for (Index p = 0; p < body.particles.size(); ++p) {
+        Vec<Dim> x;
+        for (int a = 0; a < Dim; ++a) x[a] = body.particles.template data<Real>(core::position, a)[p];
+        mark[p] = !body.is_padding(p) && shape_.distance(x) <= tolerance;
+      }
+    }
+  });
+}
+
+template <int Dim>
+void Traction<Dim>::join(StepHooks<Dim>& hooks) {
+  hooks.before_p2g.push_back([this](State<Dim>& state) { load(state); });
+}
+
+// Once per run: particles that are deleted later take their share of the load with them.
+template <int Dim>
+void Traction<Dim>::measure(State<Dim>& state) {
+  CompensatedSum sum;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+      if (marks_[b] == no_field) continue;
+      const Body<Dim>& body = state.bodies[b];
+      const T* mark = body.particles.template data<T>(marks_[b]);
+      const T* volume = body.particles.template data<T>(core::volume);
+      for (Index p = 0; p < body.particles.size(); ++p)
+        if (!body.is_padding(p) && mark[p] > 0) sum.add(volume[p]);
+    }
+  });
+  std::vector<CompensatedSum> sums = {sum};
+  state.communicator().sum(sums);
+  volume_ = sums[0].value();
+  require(volume_ > 0, "{}: no particle of the loaded bodies lies in the shape of {}; move or enlarge it.", where_shape_,
+          name_);
+}
+
+template <int Dim>
+void Traction<Dim>::load(State<Dim>& state) {
+  if (volume_ == 0) measure(state);
+  const Vec<Dim> impulse_per_volume =
+      state.dt * ramp_.mean(state.time, state.dt) * area_ / volume_ * traction_;  // [N s/m^3]
+  Real work = 0;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+      if (marks_[b] == no_field) continue;
+      const Body<Dim>& body = state.bodies[b];
+      const T* mark = body.particles.template data<T>(marks_[b]);
+      const T* volume = body.particles.template data<T>(core::volume);
+      const T* mass = body.particles.template data<T>(core::mass);
+      for (Index p = 0; p < body.particles.size(); ++p) {
+        if (!(mark[p] > 0 && mass[p] > 0)) continue;
+        for (int a = 0; a < Dim; ++a) {
+          T& velocity = body.particles.template data<T>(core::velocity, a)[p];
+          const Real before = velocity;
+          velocity = static_cast<T>(before + impulse_per_volume[a] * volume[p] / mass[p]);
+          const Real after = velocity;
+          work += mass[p] * (after - before) * (before + after) / 2;
+        }
+      }
+    }
+  });
+  state.ledger["external_work"] += work;
+}
+
+template <int Dim>
+void Traction<Dim>::save(std::map<std::string, std::vector<Real>>& numbers) const {
+  numbers[name_ + "_volume"] = {volume_};
+}
+
+template <int Dim>
+void Traction<Dim>::restore(const std::map<std::string, std::vector<Real>>& numbers) {
+  const auto found = numbers.find(name_ + "_volume");
+  if (found != numbers.end()) volume_ = found->second.at(0);
+}
+
+template class Traction<2>;
+template class Traction<3>;
+
+}  // namespace mpm

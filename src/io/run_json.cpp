@@ -1,0 +1,44 @@
+#include "mpm_hpc/io/run_json.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include "mpm_hpc/io/text_file.hpp"
+#include "mpm_hpc/io/together.hpp"
+
+namespace mpm {
+
+std::string run_json_text(const RunReport& report) {
+  using Json = nlohmann::ordered_json;
+  Json stages = Json::object();
+  for (const auto& [name, time] : report.stages)
+    stages[name] = Json{{"min", time.min}, {"mean", time.mean}, {"max", time.max}};
+  Json json;
+  json["version"] = report.version;
+  json["scene_hash"] = report.scene_hash;
+  json["ranks"] = report.ranks;
+  json["dimension"] = report.dimension;
+  json["precision"] = report.precision == Precision::single_precision ? "single" : "double";
+  json["particles"] = report.particles;
+  json["nodes"] = report.nodes;
+  json["steps"] = report.steps;
+  json["time"] = report.time;
+  json["wall_seconds"] = report.wall_seconds;
+  json["particle_steps_per_second_per_core"] = report.particle_steps_per_second_per_core;
+  json["bytes_per_particle"] = report.bytes_per_particle;
+  json["peak_rss_bytes"] = report.peak_rss_bytes;
+  json["stages"] = stages;
+  json["messages_per_step"] = report.messages_per_step;
+  json["bytes_per_step"] = report.bytes_per_step;
+  json["imbalance"] = report.imbalance;
+  json["solver_iterations"] = report.solver_iterations;
+  json["guards"] = report.guards;
+  json["exit"] = Json{{"code", static_cast<int>(report.exit_code)}, {"reason", report.exit_reason}};
+  // A reason may quote a file name that is no UTF-8.
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void write_run_json(const Communicator& communicator, const std::filesystem::path& file, const RunReport& report) {
+  on_root(communicator, [&] { replace_text_file(file, run_json_text(report)); });
+}
+
+}  // namespace mpm

@@ -1,0 +1,169 @@
+#include "mpm_hpc/solvers/linear_solver.hpp"
+
+#include <petscksp.h>
+
+#include <algorithm>
+#include <exception>
+
+#include "mpm_hpc/parallel/mpi_handle.hpp"
+#include "petsc_check.hpp"
+
+namespace mpm {
+
+struct LinearSolver::Impl {
+  MPI_Comm comm = MPI_COMM_NULL;
+  KSP ksp = nullptr;
+  ::Mat matrix = nullptr;
+  ::Vec rhs = nullptr, solution = nullptr;
+  int local_rows = -1;
+  Apply apply;
+  std::vector<Real> diagonal;
+  std::exception_ptr fault;  // thrown inside a callback, where PETSc's frames must not be unwound
+  std::size_t matrix_bytes = 0, vector_bytes = 0;
+
+  // PETSc calls these; they answer with codes.
+  static PetscErrorCode multiply(::Mat shell, ::Vec x, ::Vec y) {
+    void* context = nullptr;
+    const PetscScalar* in = nullptr;
+    PetscScalar* out = nullptr;
+    PetscCall(MatShellGetContext(shell, &context));
+    PetscCall(VecGetArrayRead(x, &in));
+    PetscCall(VecGetArray(y, &out));
+    Impl& self = *static_cast<Impl*>(context);
+    try {
+      self.apply(in, out);
+    } catch (...) {
+      self.fault = std::current_exception();
+      return PETSC_ERR_LIB;
+    }
+    PetscCall(VecRestoreArray(y, &out));
+    PetscCall(VecRestoreArrayRead(x, &in));
+    return 0;
+  }
+  static PetscErrorCode get_diagonal(::Mat shell, ::Vec d) {
+    void* context = nullptr;
+    PetscScalar* out = nullptr;
+    PetscCall(MatShellGetContext(shell, &context));
+    PetscCall(VecGetArray(d, &out));
+    const std::vector<Real>& diagonal = static_cast<Impl*>(context)->diagonal;
+    std::copy(diagonal.begin(), diagonal.end(), out);
+    PetscCall(VecRestoreArray(d, &out));
+    return 0;
+  }
+};
+
+LinearSolver::LinearSolver(const Communicator& communicator, const std::string& prefix,
+                           const LinearSolverOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->comm = mpi_comm(communicator);
+  petsc_check(KSPCreate(impl_->comm, &impl_->ksp), "KSPCreate");
+  KSP ksp = impl_->ksp;
+  PC pc = nullptr;
+  petsc_check(KSPSetOptionsPrefix(ksp, prefix.c_str()), "KSPSetOptionsPrefix");
+  petsc_check(KSPSetType(ksp, KSPCG), "KSPSetType");
+  petsc_check(KSPGetPC(ksp, &pc), "KSPGetPC");
+  petsc_check(PCSetType(pc, PCJACOBI), "PCSetType");
+  petsc_check(KSPSetTolerances(ksp, options.relative_tolerance, 0.0, PETSC_DEFAULT, options.max_iterations),
+              "KSPSetTolerances");
+  petsc_check(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE), "KSPSetInitialGuessNonzero");
+  petsc_check(KSPSetFromOptions(ksp), "KSPSetFromOptions");
+}
+
+LinearSolver::~LinearSolver() {
+  MatDestroy(&impl_->matrix);
+  VecDestroy(&impl_->rhs);
+  VecDestroy(&impl_->solution);
+  KSPDestroy(&impl_->ksp);
+}
+
+GlobalIndex LinearSolver::set_rows(int local_rows) {
+  Impl& s = *impl_;
+  PetscInt first = 0;
+  // Vectors are kept while no rank's share changes.
+  int changed = local_rows != s.local_rows;
+  MPI_Allreduce(MPI_IN_PLACE, &changed, 1, MPI_INT, MPI_MAX, s.comm);
+  if (changed) {
+    petsc_check(VecDestroy(&s.rhs), "VecDestroy");
+    petsc_check(VecDestroy(&s.solution), "VecDestroy");
+    petsc_check(VecCreateMPI(s.comm, local_rows, PETSC_DETERMINE, &s.rhs), "VecCreateMPI");
+    petsc_check(VecDuplicate(s.rhs, &s.solution), "VecDuplicate");
+    petsc_check(KSPReset(s.ksp), "KSPReset");
+    s.local_rows = local_rows;
+    // Right-hand side and solution here, and four work vectors of CG with its preconditioner.
+    s.vector_bytes = 6 * sizeof(PetscScalar) * static_cast<std::size_t>(local_rows);
+  }
+  petsc_check(VecGetOwnershipRange(s.rhs, &first, nullptr), "VecGetOwnershipRange");
+  return first;
+}
+
+void LinearSolver::assemble(const SparseRows& rows) {
+  Impl& s = *impl_;
+  static_assert(sizeof(PetscInt) == sizeof(int), "SparseRows holds PETSc's index type");
+  petsc_check(MatDestroy(&s.matrix), "MatDestroy");
+  petsc_check(MatCreate(s.comm, &s.matrix), "MatCreate");
+  petsc_check(MatSetSizes(s.matrix, s.local_rows, s.local_rows, PETSC_DETERMINE, PETSC_DETERMINE), "MatSetSizes");
+  petsc_check(MatSetType(s.matrix, MATAIJ), "MatSetType");
+  // Exact preallocation and row-wise insertion in one; each call is ignored by the other kind of matrix.
+  petsc_check(MatSeqAIJSetPreallocationCSR(s.matrix, rows.starts.data(), rows.columns.data(), rows.values.data()),
+              "MatSeqAIJSetPreallocationCSR");
+  petsc_check(MatMPIAIJSetPreallocationCSR(s.matrix, rows.starts.data(), rows.columns.data(), rows.values.data()),
+              "MatMPIAIJSetPreallocationCSR");
+  petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
+  petsc_check(KSPSetOperators(s.ksp, s.matrix, s.matrix), "KSPSetOperators");
+  s.matrix_bytes = rows.values.capacity() * (sizeof(Real) + sizeof(int)) + rows.starts.capacity() * sizeof(int);
+}
+
+void LinearSolver::set_operator(Apply apply, std::vector<Real> diagonal) {
+  Impl& s = *impl_;
+  s.apply = std::move(apply);
+  s.diagonal = std::move(diagonal);
+  petsc_check(MatDestroy(&s.matrix), "MatDestroy");
+  petsc_check(MatCreateShell(s.comm, s.local_rows, s.local_rows, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.matrix),
+              "MatCreateShell");
+  petsc_check(MatShellSetOperation(s.matrix, MATOP_MULT, reinterpret_cast<void (*)()>(&Impl::multiply)),
+              "MatShellSetOperation");
+  petsc_check(MatShellSetOperation(s.matrix, MATOP_GET_DIAGONAL, reinterpret_cast<void (*)()>(&Impl::get_diagonal)),
+              "MatShellSetOperation");
+  petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
+  petsc_check(KSPSetOperators(s.ksp, s.matrix, s.matrix), "KSPSetOperators");
+  s.matrix_bytes = s.diagonal.capacity() * sizeof(Real);
+}
+
+int LinearSolver::solve(const std::vector<Real>& rhs, std::vector<Real>& solution) {
+  Impl& s = *impl_;
+  debug_check(static_cast<int>(rhs.size()) == s.local_rows && rhs.size() == solution.size(),
+              "right-hand side and solution have as many entries as the rank has rows");
+  PetscScalar* out = nullptr;
+  petsc_check(VecGetArray(s.rhs, &out), "VecGetArray");
+  std::copy(rhs.begin(), rhs.end(), out);
+  petsc_check(VecRestoreArray(s.rhs, &out), "VecRestoreArray");
+  petsc_check(VecGetArray(s.solution, &out), "VecGetArray");
+  std::copy(solution.begin(), solution.end(), out);
+  petsc_check(VecRestoreArray(s.solution, &out), "VecRestoreArray");
+
+  s.fault = nullptr;
+  const PetscErrorCode code = KSPSolve(s.ksp, s.rhs, s.solution);
+  if (s.fault) std::rethrow_exception(s.fault);
+  petsc_check(code, "KSPSolve");
+  KSPConvergedReason reason;
+  PetscInt iterations = 0;
+  petsc_check(KSPGetConvergedReason(s.ksp, &reason), "KSPGetConvergedReason");
+  petsc_check(KSPGetIterationNumber(s.ksp, &iterations), "KSPGetIterationNumber");
+  if (reason < 0) {
+    const char* prefix = nullptr;
+    KSPGetOptionsPrefix(s.ksp, &prefix);
+    throw NumericalFailure(
+        fmt::format("the linear solver did not converge in {} iterations ({}); allow more with -{}ksp_max_it, loosen "
+                    "-{}ksp_rtol, or try another -{}pc_type",
+                    iterations, KSPConvergedReasons[reason], prefix, prefix, prefix));
+  }
+  const PetscScalar* in = nullptr;
+  petsc_check(VecGetArrayRead(s.solution, &in), "VecGetArrayRead");
+  std::copy(in, in + s.local_rows, solution.begin());
+  petsc_check(VecRestoreArrayRead(s.solution, &in), "VecRestoreArrayRead");
+  return static_cast<int>(iterations);
+}
+
+std::size_t LinearSolver::allocated_bytes() const { return impl_->matrix_bytes + impl_->vector_bytes; }
+
+}  // namespace mpm

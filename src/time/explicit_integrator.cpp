@@ -1,0 +1,199 @@
+#include "mpm_hpc/time/explicit_integrator.hpp"
+
+#include <cmath>
+
+#include "mpm_hpc/math/bspline.hpp"
+#include "mpm_hpc/time/failure.hpp"
+#include "mpm_hpc/time/material_access.hpp"
+
+namespace mpm {
+
+template <int Dim>
+ExplicitIntegrator<Dim>::ExplicitIntegrator(State<Dim>& state, StepHooks<Dim> hooks, const StepSizeOptions& options)
+    : hooks_(std::move(hooks)), options_(options) {
+  for (FieldId f = 0; f < state.fields.count(); ++f) {
+    if (state.fields.traits(f).sums_ghosts) summed_.push_back(f);
+    if (state.fields.traits(f).fills_ghosts) filled_.push_back(f);
+  }
+  options_.inverse_inertia = QuadraticKernel::inverse_inertia;
+  Timers& t = state.timers;
+  stage_sort_ = t.stage("sort and migrate");
+  stage_p2g_ = t.stage("P2G");
+  stage_halo_sum_ = t.stage("halo sum");
+  stage_grid_ = t.stage("grid");
+  stage_halo_fill_ = t.stage("halo fill");
+  stage_g2p_ = t.stage("G2P");
+  stage_effects_ = t.stage("effects");
+}
+
+template <int Dim>
+void ExplicitIntegrator<Dim>::initialise(State<Dim>& state) {
+  state.limits = {};
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+      LimitCollector<Dim, T> collector(state, b);
+      const FieldSet& fields = state.bodies[b].particles;
+      for (const BlockRange& range : state.bodies[b].ranges) {
+        KinematicLimits kinematic;
+        for (Index p = range.begin; p < range.end; ++p) {
+          Real speed2 = 0;
+          for (int a = 0; a < Dim; ++a) {
+            const Real v = fields.template data<T>(core::velocity, a)[p];
+            speed2 += v * v;
+            kinematic.speed_component = std::max(kinematic.speed_component, std::abs(v));
+            Real row = 0;
+            for (int c = 0; c < Dim; ++c)
+              row += std::abs(fields.template data<T>(core::velocity_gradient, a * Dim + c)[p]);
+            kinematic.gradient = std::max(kinematic.gradient, row);
+          }
+          kinematic.speed = std::max(kinematic.speed, std::sqrt(speed2));
+        }
+        collector.updated(range.begin, range.end, kinematic);
+      }
+    }
+  });
+  reduce_limits(state);
+}
+
+// One reduction for all limits; a NaN was turned into an infinity by those who measured.
+template <int Dim>
+void ExplicitIntegrator<Dim>::reduce_limits(State<Dim>& state) {
+  StepLimits& l = state.limits;
+  std::vector<Real> values = {l.kinematic.speed,        l.kinematic.speed_component, l.kinematic.gradient,
+                              l.kinematic.acceleration, l.signal_speed,              l.stiffness_speed,
+                              -l.min_jacobian};
+  state.communicator().max(values);
+  l.kinematic = {values[0], values[1], values[2], values[3]};
+  l.signal_speed = values[4];
+  l.stiffness_speed = values[5];
+  l.min_jacobian = -values[6];
+  const bool finite = std::isfinite(l.signal_speed) && std::isfinite(l.kinematic.gradient);
+  if (!(l.min_jacobian > 0) || !finite) report_failed_particle(state);
+}
+
+template <int Dim>
+Real ExplicitIntegrator<Dim>::stable_step(const State<Dim>& state) {
+  const StepSize size = stable_step_size(state.limits, state.geometry().spacing(), options_);
+  bound_by_ = size.bound_by;
+  return size.dt;
+}
+
+template <int Dim>
+template <class T>
+void ExplicitIntegrator<Dim>::transfer_to_grid(State<Dim>& state, bool boundary) {
+  const TransferGrid<Dim, T> grid{state.geometry(), state.topology(), state.fields.template data<T>(state.nodes)};
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    const Body<Dim>& body = state.bodies[b];
+    const std::vector<int>& ranges = boundary ? body.boundary : body.interior;
+    particle_to_grid<QuadraticKernel>(grid, body, ranges, MaterialStress<Dim, T>(state, b), state.dt);
+  }
+}
+
+template <int Dim>
+template <class T>
+void ExplicitIntegrator<Dim>::transfer_to_particles(State<Dim>& state, bool boundary) {
+  const TransferGrid<Dim, T> grid{state.geometry(), state.topology(), state.fields.template data<T>(state.nodes)};
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    Body<Dim>& body = state.bodies[b];
+    LimitCollector<Dim, T> collector(state, b);
+    grid_to_particle<QuadraticKernel>(grid, body, boundary ? body.boundary : body.interior, state.dt, collector);
+  }
+}
+
+namespace {
+
+// Turns the owned nodes' momentum into velocity.
+template <class T, int Dim>
+void momentum_to_velocity(State<Dim>& state) {
+  T* node = state.fields.template data<T>(state.nodes);
+  const std::size_t count = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+  for (std::size_t i = 0; i < count; ++i, node += node_values) {
+    const T inverse = node[Dim] > 0 ? 1 / node[Dim] : T(0);
+    for (int a = 0; a < Dim; ++a) node[a] *= inverse;
+  }
+}
+
+}  // namespace
+
+template <int Dim>
+template <class T>
+void ExplicitIntegrator<Dim>::step_in(State<Dim>& state) {
+  Timers& timers = state.timers;
+  auto run_ranges = [&](const auto& hooks, bool boundary) {
+    if (hooks.empty()) return;
+    auto s = timers.scope(stage_effects_);
+    for (const auto& hook : hooks)
+      for (std::size_t b = 0; b < state.bodies.size(); ++b)
+        hook(state, b, boundary ? state.bodies[b].boundary : state.bodies[b].interior);
+  };
+  auto run = [&](const auto& hooks) {
+    if (hooks.empty()) return;
+    auto s = timers.scope(stage_effects_);
+    for (const auto& hook : hooks) hook(state);
+  };
+
+  run(hooks_.before_p2g);
+  for (const bool boundary : {true, false}) {
+    {
+      auto s = timers.scope(stage_p2g_);
+      if (boundary)
+        for (FieldId f : summed_) state.fields.zero(f);
+      transfer_to_grid<T>(state, boundary);
+    }
+    run_ranges(hooks_.on_p2g, boundary);
+    // What the ghosts' owners need is ready after the boundary blocks; the interior hides the messages.
+    auto s = timers.scope(stage_halo_sum_);
+    if (boundary) {
+      state.halo().start_sum(state.fields, summed_);
+    } else {
+      state.halo().finish_sum();
+    }
+  }
+  {
+    auto s = timers.scope(stage_grid_);
+    momentum_to_velocity<T>(state);
+  }
+  run(hooks_.on_grid);
+  {
+    auto s = timers.scope(stage_halo_fill_);
+    state.halo().start_fill(state.fields, filled_);
+  }
+  state.limits = {};
+  for (const bool boundary : {false, true}) {
+    if (boundary) {
+      auto s = timers.scope(stage_halo_fill_);
+      state.halo().finish_fill();
+    }
+    run_ranges(hooks_.on_g2p, boundary);
+    auto s = timers.scope(stage_g2p_);
+    transfer_to_particles<T>(state, boundary);
+  }
+  run(hooks_.after_g2p);
+}
+
+template <int Dim>
+Real ExplicitIntegrator<Dim>::busy_seconds(const State<Dim>& state) const {
+  const auto& seconds = state.timers.seconds();
+  return seconds[stage_p2g_] + seconds[stage_g2p_];
+}
+
+template <int Dim>
+void ExplicitIntegrator<Dim>::step(State<Dim>& state) {
+  {
+    auto s = state.timers.scope(stage_sort_);
+    sort_if_drifted(state);
+  }
+  const Real busy = busy_seconds(state);
+  with_precision(state.precision, [&](auto zero) { step_in<decltype(zero)>(state); });
+  state.busy += busy_seconds(state) - busy;
+  state.time += state.dt;
+  ++state.step;
+  reduce_limits(state);
+  state.drift += state.dt * state.limits.kinematic.speed_component;
+}
+
+template class ExplicitIntegrator<2>;
+template class ExplicitIntegrator<3>;
+
+}  // namespace mpm

@@ -1,0 +1,272 @@
+#include "mpm_hpc/transfer/scalar_transfer.hpp"
+
+#include "mpm_hpc/transfer/lanes.hpp"
+
+namespace mpm {
+
+namespace {
+
+// One particle of the row stages: w and slopes by direction (see RowParticle), one value per node.
+template <class T>
+struct alignas(64) ScalarRow {
+  T w[3][4];
+  T slope[3];  // per node, of what is scattered or gathered
+  T value;     // at the stencil's second node
+  int tile_node;
+};
+
+template <class T>
+constexpr Quad<T> along() {
+  return Quad<T>{-1, 0, 1, 2};
+}
+
+template <class T>
+T sum_of(Quad<T> q) {
+  return (q[0] + q[1]) + (q[2] + q[3]);
+}
+
+template <class Kernel, int Dim, class T>
+void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, const Real* const* x, Index begin,
+           Index end, ScalarRow<T>* rows, T (*centre)[chunk_particles]) {
+  constexpr int W = pack_width<T>;
+  bool inside = true;
+  for (Index p = begin; p < end; p += W) {
+    const LanePlace<Kernel, Dim, T> lanes(geometry, first_node, x, p);
+    inside = inside && lanes.inside();
+    alignas(64) T node[W], w[Dim][Kernel::support][W];
+    store(node, lanes.tile_node());
+    for (int a = 0; a < Dim; ++a) {
+      store(centre[a] + (p - begin), lanes.centre[a]);
+      for (int n = 0; n < Kernel::support; ++n) store(w[a][n], lanes.w[a][n]);
+    }
+    ScalarRow<T>* out = rows + (p - begin);
+    for (int l = 0; l < W; ++l) {
+      for (int a = 0; a < Dim; ++a)
+        for (int n = 0; n < Kernel::support; ++n) out[l].w[a][n] = w[a][n][l];
+      out[l].tile_node = static_cast<int>(node[l]);
+    }
+  }
+  if (!inside) throw_drifted_out();
+}
+
+// value = sum w x, slope[b] = sum w (n_b - 1) x.
+template <class Kernel, int Dim, class T>
+void gather_rows(ScalarRow<T>* rows, int count, const T* tile) {
+  constexpr int side = Tile<Kernel, Dim, T, 1>::side;
+  for (int p = 0; p < count; ++p) {
+    ScalarRow<T>& r = rows[p];
+    const T* first = tile + r.tile_node;
+    const Quad<T> w = load_quad(r.w[Dim - 1]);
+    Quad<T> value{}, slope_x{};
+    if constexpr (Dim == 2) {
+      for (int i = 0; i < Kernel::support; ++i) {
+        const Quad<T> weighted = r.w[0][i] * load_quad(first + i * side);
+        value += weighted;
+        slope_x += static_cast<T>(i - 1) * weighted;
+      }
+    } else {
+      Quad<T> slope_y{};
+      for (int i = 0; i < Kernel::support; ++i) {
+        Quad<T> plane{}, tilt{};
+        for (int j = 0; j < Kernel::support; ++j) {
+          const Quad<T> weighted = r.w[1][j] * load_quad(first + (i * side + j) * side);
+          plane += weighted;
+          tilt += static_cast<T>(j - 1) * weighted;
+        }
+        value += r.w[0][i] * plane;
+        slope_x += (static_cast<T>(i - 1) * r.w[0][i]) * plane;
+        slope_y += r.w[0][i] * tilt;
+      }
+      r.slope[1] = sum_of<T>(w * slope_y);
+    }
+    value *= w;
+    r.value = sum_of<T>(value);
+    r.slope[0] = sum_of<T>(w * slope_x);
+    r.slope[Dim - 1] = sum_of<T>(along<T>() * value);
+  }
+}
+
+// tile += w (value + sum_b (n_b - 1) slope[b]).
+template <class Kernel, int Dim, class T>
+void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
+  constexpr int side = Tile<Kernel, Dim, T, 1>::side;
+  for (int p = 0; p < count; ++p) {
+    const ScalarRow<T>& r = rows[p];
+    const Quad<T> w = load_quad(r.w[Dim - 1]);
+    const Quad<T> centre = w * (r.value + along<T>() * r.slope[Dim - 1]), slope_x = w * r.slope[0];
+    T* first = tile + r.tile_node;
+    auto add = [](T* row, Quad<T> what) {
+      const Quad<T> sum = load_quad(row) + what;
+      std::memcpy(row, &sum, sizeof(sum));
+    };
+    for (int i = 0; i < Kernel::support; ++i) {
+      const Quad<T> plane = centre + static_cast<T>(i - 1) * slope_x;
+      if constexpr (Dim == 2) {
+        add(first + i * side, r.w[0][i] * plane);
+      } else {
+        const Quad<T> slope_y = w * r.slope[1];
+        for (int j = 0; j < Kernel::support; ++j)
+          add(first + (i * side + j) * side, (r.w[0][i] * r.w[1][j]) * (plane + static_cast<T>(j - 1) * slope_y));
+      }
+    }
+  }
+}
+
+// Four values per node and the diagonal of the Laplacian, which is separable: with W_n = w_n^2 and K_n = (w_n d_n)^2,
+// d_n the distance to node n in spacings, H_ii = (k h^-2 D^-2) (K_x W_y W_z + W_x K_y W_z + W_x W_y K_z).
+template <class Kernel, int Dim, class T>
+void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, const T (*centre)[chunk_particles],
+                        const T* conductivity, T* tile, T* diagonal_tile) {
+  constexpr int side = Tile<Kernel, Dim, T>::side;
+  for (int p = 0; p < count; ++p) {
+    const ScalarRow<T>& r = rows[p];
+    T W[Dim][4] = {}, K[Dim][4] = {};
+    for (int a = 0; a < Dim; ++a)
+      for (int n = 0; n < Kernel::support; ++n) {
+        const T distance = centre[a][p] + static_cast<T>(n - 1);
+        W[a][n] = r.w[a][n] * r.w[a][n];
+        K[a][n] = W[a][n] * distance * distance;
+      }
+    const Row<T> w = Row<T>::spread(load_quad(r.w[Dim - 1]));
+    const Row<T> values = w * Row<T>::repeat(Quad<T>{q[0][p], q[1][p], q[2][p], q[3][p]});
+    const Quad<T> square = conductivity[p] * load_quad(W[Dim - 1]), moment = conductivity[p] * load_quad(K[Dim - 1]);
+    for (int i = 0; i < Kernel::support; ++i)
+      for (int j = 0; j < (Dim == 2 ? 1 : Kernel::support); ++j) {
+        const int node = r.tile_node + (Dim == 2 ? i * side : (i * side + j) * side);
+        T weight = r.w[0][i], squares = W[0][i], moments = K[0][i];
+        if constexpr (Dim == 3) {
+          moments = moments * W[1][j] + squares * K[1][j];
+          squares *= W[1][j];
+          weight *= r.w[1][j];
+        }
+        T* row = tile + node * node_values;
+        (Row<T>::load(row) + weight * values).store(row);
+        const Quad<T> sum = load_quad(diagonal_tile + node) + moments * square + squares * moment;
+        std::memcpy(diagonal_tile + node, &sum, sizeof(sum));
+      }
+  }
+}
+
+template <int Dim>
+struct Positions {
+  const Real* x[Dim];
+  explicit Positions(const Body<Dim>& body) {
+    for (int a = 0; a < Dim; ++a) x[a] = body.particles.template data<Real>(core::position, a);
+  }
+};
+
+// Gradient scale: D^-1 (x_i - x_p) = (k / h) (distance in spacings).
+template <class Kernel, int Dim>
+Real gradient_scale(const GridGeometry<Dim>& geometry) {
+  return Kernel::inverse_inertia / geometry.spacing();
+}
+
+}  // namespace
+
+template <class Kernel, int Dim, class T>
+void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                    ValueSource<T>& source, T* nodes, T* diagonal) {
+  Tile<Kernel, Dim, T> tile;
+  Tile<Kernel, Dim, T, 1> diagonal_tile;
+  std::vector<ScalarRow<T>> rows(chunk_particles);
+  alignas(64) T centre[Dim][chunk_particles], storage[node_values + 1][chunk_particles];
+  T* q[node_values];
+  for (int c = 0; c < node_values; ++c) q[c] = storage[c];
+  T* conductivity = storage[node_values];
+  const Positions<Dim> positions(body);
+  const Real scale = gradient_scale<Kernel>(grid.geometry);
+  for (int number : ranges) {
+    const BlockRange& range = body.ranges[number];
+    tile.zero();
+    diagonal_tile.zero();
+    for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
+      const Index end = std::min<Index>(begin + chunk_particles, range.end);
+      source.values(begin, end, q, conductivity);
+      place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
+                         centre);
+      for (Index p = 0; p < end - begin; ++p) conductivity[p] *= static_cast<T>(scale * scale);
+      scatter_value_rows<Kernel, Dim>(rows.data(), end - begin, q, centre, conductivity, tile.data,
+                                      diagonal_tile.data);
+    }
+    tile.scatter_add(grid.topology, range.slot, nodes);
+    diagonal_tile.scatter_add(grid.topology, range.slot, diagonal);
+  }
+}
+
+template <class Kernel, int Dim, class T>
+void apply_laplacian(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                     const T* conductivity, const T* x, T* y) {
+  Tile<Kernel, Dim, T, 1> in, out;
+  std::vector<ScalarRow<T>> rows(chunk_particles);
+  alignas(64) T centre[Dim][chunk_particles];
+  const Positions<Dim> positions(body);
+  const Real scale = gradient_scale<Kernel>(grid.geometry);
+  const T scale2 = static_cast<T>(scale * scale);
+  for (int number : ranges) {
+    const BlockRange& range = body.ranges[number];
+    in.gather(grid.topology, range.slot, x);
+    out.zero();
+    for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
+      const Index end = std::min<Index>(begin + chunk_particles, range.end), count = end - begin;
+      place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
+                         centre);
+      gather_rows<Kernel, Dim>(rows.data(), count, in.data);
+      // The flux k grad x of each particle becomes the slopes of what it scatters.
+      for (Index p = 0; p < count; ++p) {
+        ScalarRow<T>& r = rows[p];
+        T at_centre = 0;
+        for (int a = 0; a < Dim; ++a) {
+          r.slope[a] = scale2 * conductivity[begin + p] * (r.slope[a] + centre[a][p] * r.value);
+          at_centre += r.slope[a] * centre[a][p];
+        }
+        r.value = at_centre;
+      }
+      scatter_rows<Kernel, Dim>(rows.data(), count, out.data);
+    }
+    out.scatter_add(grid.topology, range.slot, y);
+  }
+}
+
+template <class Kernel, int Dim, class T>
+void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
+                   ValueSink<T>& sink) {
+  Tile<Kernel, Dim, T, 1> tile;
+  std::vector<ScalarRow<T>> rows(chunk_particles);
+  alignas(64) T centre[Dim][chunk_particles], value[chunk_particles];
+  alignas(64) T gradient_storage[Dim][chunk_particles];
+  const T* gradient[Dim];
+  for (int a = 0; a < Dim; ++a) gradient[a] = gradient_storage[a];
+  const Positions<Dim> positions(body);
+  const T scale = static_cast<T>(gradient_scale<Kernel>(grid.geometry));
+  for (int number : ranges) {
+    const BlockRange& range = body.ranges[number];
+    tile.gather(grid.topology, range.slot, x);
+    for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
+      const Index end = std::min<Index>(begin + chunk_particles, range.end);
+      place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
+                         centre);
+      gather_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
+      for (Index p = 0; p < end - begin; ++p) {
+        value[p] = rows[p].value;
+        for (int a = 0; a < Dim; ++a)
+          gradient_storage[a][p] = scale * (rows[p].slope[a] + centre[a][p] * rows[p].value);
+      }
+      sink.values(begin, end, value, gradient);
+    }
+  }
+}
+
+#define MPM_INSTANTIATE(Dim, T)                                                                                     \
+  template void scatter_values<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                   \
+                                                        const std::vector<int>&, ValueSource<T>&, T*, T*);          \
+  template void apply_laplacian<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                  \
+                                                         const std::vector<int>&, const T*, const T*, T*);          \
+  template void gather_scalar<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                    \
+                                                       const std::vector<int>&, const T*, ValueSink<T>&);
+MPM_INSTANTIATE(2, float)
+MPM_INSTANTIATE(2, double)
+MPM_INSTANTIATE(3, float)
+MPM_INSTANTIATE(3, double)
+#undef MPM_INSTANTIATE
+
+}  // namespace mpm

@@ -1,0 +1,459 @@
+// Effects on hand-made node values and particles, distributed over the ranks: forces, work and reactions are closed forms
+// that don't know how many ranks there are.
+#include <gtest/gtest.h>
+
+#include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/gravity/gravity.hpp"
+#include "mpm_hpc/effects/grips/grip.hpp"
+#include "mpm_hpc/effects/obstacles/obstacle.hpp"
+#include "mpm_hpc/effects/traction/traction.hpp"
+#include "mpm_hpc/effects/walls/walls.hpp"
+#include "support/mpi_test.hpp"
+
+using namespace mpm;
+
+namespace {
+
+template <int D, class Number>
+struct Case {
+  static constexpr int Dim = D;
+  using T = Number;
+};
+
+template <class C>
+class Effects : public testing::Test {
+ public:
+  static constexpr int Dim = C::Dim;
+  using T = typename C::T;
+  static constexpr Precision precision =
+      std::is_same_v<T, float> ? Precision::single_precision : Precision::double_precision;
+  static constexpr Real tolerance = std::is_same_v<T, float> ? 2e-6 : 1e-12;
+  static constexpr Real h = 0.125, density = 3;
+  using V = Vec<Dim>;
+
+  // Two bodies fill the unit box, left and right of x = 1/2, with 2^Dim particles per cell.
+  void SetUp() override {
+    DistributionOptions options;
+    options.precision = precision;
+    state.precision = precision;
+    state.fields = GridFields(precision);
+    state.distribution = Distribution<Dim>(Communicator::world(), {V::Zero(), V::Ones(), h}, options);
+    state.nodes = state.fields.add({.name = "nodes", .units = "", .components = node_values, .halo_components = Dim + 1});
+    state.bodies.emplace_back("left", 0, precision);
+    state.bodies.emplace_back("right", 0, precision);
+    state.dt = 0.01;
+  }
+
+  // After the effects have declared their columns.
+  void fill_bodies() {
+    const int side = static_cast<int>(2 / h), count = Dim == 2 ? side * side : side * side * side;
+    for (int b = 0; b < 2; ++b) {
+      std::vector<int> mine;
+      for (int id = test::rank(); id < count; id += test::size())
+        if (2 * (id % side) / side == b) mine.push_back(id);
+      FieldSet& particles = state.bodies[b].particles;
+      particles.resize(static_cast<Index>(mine.size()));
+      const Real volume = std::pow(h / 2, Dim);
+      for (std::size_t p = 0; p < mine.size(); ++p) {
+        particles.template data<GlobalIndex>(core::id)[p] = mine[p];
+        for (int a = 0, rest = mine[p]; a < Dim; ++a, rest /= side) {
+          particles.template data<Real>(core::position, a)[p] = h / 2 * (rest % side + 0.5);
+          particles.template data<T>(core::velocity, a)[p] = T(0.25 * (a + 1));
+        }
+        for (int c = 0; c < Dim * Dim; ++c) {
+          particles.template data<T>(core::velocity_gradient, c)[p] = 0;
+          particles.template data<T>(core::deformation_gradient, c)[p] = c % (Dim + 1) == 0;
+        }
+        particles.template data<T>(core::mass)[p] = T(density * volume);
+        particles.template data<T>(core::volume)[p] = T(volume);
+      }
+    }
+  }
+  void distribute() {
+    state.distribution.redistribute(state.bodies, state.fields, OrderWithinCell::canonical);
+  }
+
+  // f(position, values) for all owned nodes, massive or not.
+  template <class F>
+  void for_nodes(F&& f) {
+    for (Slot s = 0; s < state.topology().owned(); ++s)
+      for (int n = 0; n < nodes_per_block<Dim>; ++n)
+        f(state.geometry().node_position(state.topology().first_node(s) + node_in_block<Dim>(n)),
+          state.template node_values_of<T>(s) + n * node_values);
+  }
+  static V velocity_of(const T* values) {
+    V v;
+    for (int a = 0; a < Dim; ++a) v[a] = values[a];
+    return v;
+  }
+  // Masses and velocities that differ from node to node; without mass where x + y > 1.4.
+  void set_nodes() {
+    for_nodes([&](const V& x, T* values) {
+      for (int a = 0; a < Dim; ++a) values[a] = T(0.3 * (a + 1) - x[a] * x[0]);
+      values[Dim] = x[0] + x[1] > 1.4 ? T(0) : T(1 + x.squaredNorm());
+    });
+  }
+  // Velocity `v` and mass m on nodes that satisfy the predicate; no mass elsewhere.
+  template <class Predicate>
+  void set_nodes_where(Predicate&& holds, const V& v, Real mass) {
+    for_nodes([&](const V& x, T* values) {
+      for (int a = 0; a < Dim; ++a) values[a] = T(v[a]);
+      values[Dim] = T(holds(x) ? mass : 0);
+    });
+  }
+
+  struct Totals {
+    Real mass = 0, energy = 0;
+    V momentum = V::Zero();
+  };
+  Totals totals() {
+    std::vector<Real> sums(Dim + 2, 0.0);
+    for_nodes([&](const V&, const T* values) {
+      const V v = velocity_of(values);
+      for (int a = 0; a < Dim; ++a) sums[a] += values[Dim] * v[a];
+      sums[Dim] += values[Dim];
+      sums[Dim + 1] += 0.5 * values[Dim] * v.squaredNorm();
+    });
+    state.communicator().sum(sums);
+    return {sums[Dim], sums[Dim + 1], Eigen::Map<const V>(sums.data())};
+  }
+  Real external_work() { return state.communicator().sum(state.ledger["external_work"]); }
+  V reaction(Effect<Dim>& effect, const std::string& name) {
+    std::vector<HistoryValue> row;
+    effect.history(state, row);
+    V force;
+    for (int a = 0; a < Dim; ++a) {
+      EXPECT_EQ(row.at(a).name, "reaction_" + name + "_" + "xyz"[a]);
+      force[a] = state.communicator().sum(row.at(a).value);
+    }
+    return force;
+  }
+
+  // The effect of [[effect.kind]] with this table, joined to the hooks.
+  template <class E>
+  std::unique_ptr<E> make(const std::string& kind, const std::string& table) {
+    Parameters root = Parameters::read_text("[[effect." + kind + "]]\n" + table, "scene.toml");
+    std::unique_ptr<E> effect;
+    root.section("effect", [&](Parameters& effects) {
+      effects.section_list(kind, {}, [&](Parameters& p, int) { effect = std::make_unique<E>(p); });
+    });
+    effect->declare_fields(state);
+    effect->join(hooks);
+    return effect;
+  }
+  static std::string list(Real x, Real y, Real z) {
+    return Dim == 2 ? fmt::format("[{}, {}]", x, y) : fmt::format("[{}, {}, {}]", x, y, z);
+  }
+  static V vec(Real x, Real y, Real z) {
+    V v;
+    for (int a = 0; a < Dim; ++a) v[a] = a == 0 ? x : a == 1 ? y : z;
+    return v;
+  }
+  void run(const std::vector<typename StepHooks<Dim>::Hook>& stage) {
+    for (const auto& hook : stage) hook(state);
+  }
+
+  State<Dim> state;
+  StepHooks<Dim> hooks;
+};
+
+using Cases = testing::Types<Case<2, double>, Case<2, float>, Case<3, double>, Case<3, float>>;
+TYPED_TEST_SUITE(Effects, Cases);
+
+#define USE_FIXTURE                                   \
+  constexpr int Dim = TestFixture::Dim;               \
+  using T [[maybe_unused]] = typename TestFixture::T; \
+  using V [[maybe_unused]] = Vec<Dim>;                \
+  [[maybe_unused]] auto& state = this->state;         \
+  [[maybe_unused]] const Real tolerance = this->tolerance
+
+TYPED_TEST(Effects, GravityGivesWeightTimesTimeAndLeavesEmptyNodesAlone) {
+  USE_FIXTURE;
+  auto gravity = this->template make<Gravity<Dim>>("gravity", "acceleration = " + this->list(1, -9.81, 2));
+  this->fill_bodies();
+  this->distribute();
+  this->set_nodes();
+  const auto before = this->totals();
+  this->run(this->hooks.on_grid);
+  const auto after = this->totals();
+  const V impulse = before.mass * state.dt * this->vec(1, -9.81, 2);
+  EXPECT_LT((after.momentum - before.momentum - impulse).norm(), tolerance * before.mass);
+  EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-13 * after.energy);
+  this->for_nodes([&](const V& x, const T* values) {
+    if (values[Dim] == 0) {
+      EXPECT_EQ(values[0], T(0.3 - x[0] * x[0]));
+    }
+  });
+}
+
+TYPED_TEST(Effects, WallsActOnTheirSidesOnly) {
+  USE_FIXTURE;
+  auto walls = this->template make<Walls<Dim>>(
+      "walls", "x_min = \"sticky\"\nx_max = \"slip\"\ny_min = \"separate\"\ny_max = \"separate\"\nfriction = 0.4");
+  this->fill_bodies();
+  this->distribute();
+  // Downwards with 0.5 at a speed of 1 along x: the floor takes 0.5 and friction 0.2, the ceiling lets go; in the upper
+  // half x_max takes what points outwards, and friction 0.4 of it from the rest, after which y_max has nothing to do.
+  const V v = this->vec(1, -0.5, 0);
+  this->set_nodes_where([](const V&) { return true; }, v, 2);
+  const auto before = this->totals();
+  this->run(this->hooks.on_grid);
+  std::vector<Real> seen(4, 0.0);
+  this->for_nodes([&](const V& x, const T* values) {
+    V expected = v;
+    int kind = 3;
+    if (x[0] <= 0) {
+      expected.setZero();
+      kind = 0;
+    } else if (x[0] >= 1) {
+      expected = this->vec(0, -0.1, 0);
+      if (x[1] <= 0) expected.setZero();
+      kind = 1;
+    } else if (x[1] <= 0) {
+      expected = this->vec(0.8, 0, 0);
+      kind = 2;
+    }
+    ++seen[kind];
+    EXPECT_LT((this->velocity_of(values) - expected).norm(), 1e-6) << x.transpose();
+  });
+  state.communicator().sum(seen);
+  for (const Real count : seen) EXPECT_GT(count, 0);
+  const auto after = this->totals();
+  const V force = (after.momentum - before.momentum) / state.dt;
+  EXPECT_LT((this->reaction(*walls, "walls") - force).norm(), 1e-13 * force.norm());
+  EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-13 * before.energy);
+}
+
+// A block on a floor under gravity decelerates with mu g until it rests; the floor carries its weight.
+TYPED_TEST(Effects, ABlockSlidesToRestByFriction) {
+  USE_FIXTURE;
+  auto gravity = this->template make<Gravity<Dim>>("gravity", "acceleration = " + this->list(0, -10, 0));
+  auto walls = this->template make<Walls<Dim>>("walls", "y_min = \"separate\"\nfriction = 0.25");
+  this->fill_bodies();
+  this->distribute();
+  const V start = this->vec(0.6, 0, 0.8) / (Dim == 2 ? 0.6 : 1);
+  this->set_nodes_where([](const V& x) { return x[1] == 0; }, start, 0.5);
+  const auto before = this->totals();
+  const V unit = start.normalized();
+  for (int step = 1; step <= 20; ++step) {
+    this->run(this->hooks.on_grid);
+    if (step == 10) {  // 1 - mu g t = 1 - 2.5 * 0.1
+      EXPECT_LT((this->totals().momentum - before.mass * 0.75 * unit).norm(), tolerance * before.mass);
+    }
+  }
+  const V weight = this->vec(0, 10 * before.mass, 0);
+  EXPECT_LT((this->reaction(*walls, "walls") - weight + 2.5 * before.mass * unit).norm(), tolerance * weight.norm());
+  EXPECT_EQ(this->reaction(*walls, "walls"), V::Zero());  // no step since the last row
+  for (int step = 1; step <= 20; ++step) {
+    this->run(this->hooks.on_grid);
+    if (step == 5) this->reaction(*walls, "walls");
+  }
+  // Speed 0.5 is gone after 20 more steps; a row that starts after 5 of them averages over the other 15.
+  EXPECT_LT(this->totals().momentum.norm(), 10 * tolerance * before.mass);
+  EXPECT_LT((this->reaction(*walls, "walls") - weight + 2.5 * before.mass * unit).norm(),
+            10 * tolerance * weight.norm());
+  this->run(this->hooks.on_grid);
+  EXPECT_LT((this->reaction(*walls, "walls") - weight).norm(), 1e4 * tolerance * weight.norm());
+  EXPECT_NEAR(this->external_work(), -before.energy, 10 * tolerance * before.energy);
+}
+
+TYPED_TEST(Effects, AStickyObstacleCarriesItsNodesAlong) {
+  USE_FIXTURE;
+  const std::string spin = Dim == 2 ? "angular_velocity = 3\n" : "angular_velocity = [0, 0, 3]\n";
+  auto obstacle = this->template make<Obstacle<Dim>>(
+      "obstacle", "shape = {type = \"box\", lower = " + this->list(0.2, 0.4, 0.4) +
+                      ", upper = " + this->list(0.4, 0.6, 0.6) + "}\nvelocity = " + this->list(1, 0, 0) + "\n" + spin +
+                      "ramp = 0.2");
+  this->fill_bodies();
+  this->distribute();
+  this->set_nodes();
+  state.time = 0.4;  // progress 0.3: the centre moved from 0.3 to 0.6 and the box turned by 0.9
+  int inside = 0;
+  this->for_nodes([&](const V& x, T* values) {
+    const Real rx = x[0] - 0.6, ry = x[1] - 0.5, c = std::cos(0.9), s = std::sin(0.9);
+    const bool in = std::abs(c * rx + s * ry) <= 0.1 && std::abs(c * ry - s * rx) <= 0.1 &&
+                    (Dim == 2 || std::abs(x[Dim - 1] - 0.5) <= 0.1);
+    if (in && values[Dim] > 0) {
+      ++inside;
+      values[Dim] = 2;  // marks it
+    }
+  });
+  const auto marked = this->totals();
+  this->run(this->hooks.on_grid);
+  Real worst = 0;
+  this->for_nodes([&](const V& x, const T* values) {
+    V expected;
+    for (int a = 0; a < Dim; ++a) expected[a] = T(0.3 * (a + 1) - x[a] * x[0]);
+    if (values[Dim] == 2) expected = this->vec(1 - 3 * (x[1] - 0.5), 3 * (x[0] - 0.6), 0);
+    worst = std::max(worst, (this->velocity_of(values) - expected).norm());
+  });
+  EXPECT_LT(state.communicator().max(worst), tolerance);
+  EXPECT_GT(state.communicator().sum(GlobalIndex{inside}), 0);
+  const auto after = this->totals();
+  const V force = (after.momentum - marked.momentum) / state.dt;
+  EXPECT_LT((this->reaction(*obstacle, "obstacle_0") - force).norm(), 1e-11 * force.norm());
+  EXPECT_NEAR(this->external_work(), after.energy - marked.energy, 1e-12 * marked.energy);
+}
+
+// On a sliding plane at an angle the velocity relative to it keeps no part along its normal, which turns with it.
+TYPED_TEST(Effects, AMovingSlopeSlipsAndSeparates) {
+  USE_FIXTURE;
+  auto slope = this->template make<Obstacle<Dim>>(
+      "obstacle", "name = \"slope\"\ncondition = \"separate\"\nfriction = 0.5\nshape = {type = \"plane\", point = " +
+                      this->list(0.5, 0.5, 0.5) + ", normal = " + this->list(3, 4, 0) + "}\nvelocity = " +
+                      this->list(0.5, 0, 0));
+  this->fill_bodies();
+  this->distribute();
+  const V normal = this->vec(0.6, 0.8, 0), along = this->vec(0.8, -0.6, 0), moving = this->vec(0.5, 0, 0);
+  this->set_nodes_where([](const V&) { return true; }, moving + 2 * along - 1 * normal, 1.5);
+  state.time = 0.25;
+  this->run(this->hooks.on_grid);
+  this->for_nodes([&](const V& x, const T* values) {
+    const Real distance = normal.dot(x - V::Constant(0.5) - 0.25 * moving);
+    const V expected = moving + (distance <= 1e-9 ? V(1.5 * along) : V(2 * along - 1 * normal));
+    EXPECT_LT((this->velocity_of(values) - expected).norm(), tolerance) << x.transpose();
+  });
+  this->set_nodes_where([](const V&) { return true; }, moving + normal, 1.5);
+  const auto leaving = this->totals();
+  this->run(this->hooks.on_grid);
+  EXPECT_LT((this->totals().momentum - leaving.momentum).norm(), tolerance * leaving.mass);
+}
+
+TYPED_TEST(Effects, AGripEnforcesTheChosenComponents) {
+  USE_FIXTURE;
+  auto grip = this->template make<Grip<Dim>>(
+      "grip", "name = \"top\"\nshape = {type = \"plane\", point = " + this->list(0, 0.75, 0) + ", normal = " +
+                  this->list(0, -1, 0) + "}\nvelocity = " + this->list(0, 2, 0) +
+                  "\nramp = 0.5\ndirections = [\"y\"]");
+  this->fill_bodies();
+  this->distribute();
+  this->set_nodes();
+  state.time = 0.25;  // the region's lower face is at 0.75 + 2 * 0.25^2 / (2 * 0.5) = 0.875, a plane of nodes
+  const auto before = this->totals();
+  this->run(this->hooks.on_grid);
+  Real gripped = 0;
+  this->for_nodes([&](const V& x, const T* values) {
+    V expected;
+    for (int a = 0; a < Dim; ++a) expected[a] = T(0.3 * (a + 1) - x[a] * x[0]);
+    if (x[1] >= 0.875 && values[Dim] > 0) {
+      expected[1] = 2 * 0.51;  // the ramp's mean over the step from 0.25 to 0.26
+      ++gripped;
+    }
+    EXPECT_LT((this->velocity_of(values) - expected).norm(), tolerance) << x.transpose();
+  });
+  EXPECT_GT(state.communicator().sum(gripped), 0);
+  const auto after = this->totals();
+  const V force = (after.momentum - before.momentum) / state.dt, reaction = this->reaction(*grip, "top");
+  EXPECT_LT((reaction - force).norm(), 1e-11 * force.norm());
+  EXPECT_EQ(reaction[0], 0);
+  EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-12 * before.energy);
+}
+
+TYPED_TEST(Effects, ReactionsAverageOverStepsAndSurviveARestart) {
+  USE_FIXTURE;
+  const std::string table = "name = \"foot\"\nshape = {type = \"plane\", point = " + this->list(0, 0, 0) +
+                            ", normal = " + this->list(0, 1, 0) + "}";
+  auto grip = this->template make<Grip<Dim>>("grip", table);
+  this->fill_bodies();
+  this->distribute();
+  auto stop = [&](Real speed, Real dt) {
+    this->set_nodes_where([](const V& x) { return x[1] == 0; }, this->vec(speed, 0, 0), 0.5);
+    state.dt = dt;
+    this->run(this->hooks.on_grid);
+  };
+  stop(1, 0.01);
+  std::map<std::string, std::vector<Real>> numbers;
+  grip->save(numbers);
+  state.ledger.consolidate(state.communicator());
+  const std::map<std::string, Real> ledger = state.ledger.entries();
+
+  state.ledger = Ledger();
+  this->hooks = StepHooks<Dim>();
+  auto restored = this->template make<Grip<Dim>>("grip", table);
+  restored->restore(numbers);
+  for (const auto& [name, value] : ledger) state.ledger[name] = value;
+  stop(3, 0.03);
+  const Real mass = this->totals().mass;
+  EXPECT_NEAR(this->reaction(*restored, "foot")[0], -mass * (1 + 3) / 0.04, 1e-12 * mass * 100);
+}
+
+TYPED_TEST(Effects, TractionAddsUpToItsForce) {
+  USE_FIXTURE;
+  // The layer is 1.5 cells thick: shares of an area, not a thickness, make the force exact.
+  auto traction = this->template make<Traction<Dim>>(
+      "traction", "shape = {type = \"plane\", point = " + this->list(0, 0.8125, 0) + ", normal = " +
+                      this->list(0, -1, 0) + "}\nbodies = [\"right\"]\ntraction = " + this->list(3, 7, -2) +
+                      "\narea = 0.6\nramp = 0.5");
+  EXPECT_EQ(state.bodies[0].particles.find("traction_0"), no_field);
+  this->fill_bodies();
+  traction->initialise(state);
+  this->distribute();
+  auto sums = [&] {
+    std::vector<Real> s(Dim + 1, 0.0);
+    for (auto& body : state.bodies)
+      for (Index p = 0; p < body.particles.size(); ++p)
+        for (int a = 0; a < Dim; ++a) {
+          const Real m = body.particles.template data<T>(core::mass)[p];
+          const Real v = body.particles.template data<T>(core::velocity, a)[p];
+          EXPECT_TRUE(std::isfinite(v));
+          s[a] += m * v;
+          s[Dim] += 0.5 * m * v * v;
+        }
+    state.communicator().sum(s);
+    return s;
+  };
+  const auto before = sums();
+  state.time = 0.1;
+  this->run(this->hooks.before_p2g);
+  const auto after = sums();
+  const Real share = state.dt * (0.105 / 0.5) * 0.6;  // the ramp's mean over the step
+  const V force = this->vec(3, 7, -2);
+  for (int a = 0; a < Dim; ++a) EXPECT_NEAR(after[a] - before[a], share * force[a], tolerance) << a;
+  EXPECT_NEAR(this->external_work(), after[Dim] - before[Dim], 1e-12 * before[Dim]);
+
+  // Only the layer of the named body moved, and all its particles alike.
+  Real changed = 0, wrong = 0;
+  for (std::size_t b = 0; b < 2; ++b)
+    for (Index p = 0; p < state.bodies[b].particles.size(); ++p) {
+      const FieldSet& particles = state.bodies[b].particles;
+      if (state.bodies[b].is_padding(p)) continue;
+      const bool loaded = b == 1 && particles.template data<Real>(core::position, 1)[p] >= 0.8125;
+      const bool moved = particles.template data<T>(core::velocity, 0)[p] != T(0.25);
+      changed += moved;
+      wrong += moved != loaded;
+    }
+  EXPECT_EQ(state.communicator().sum(wrong), 0);
+  EXPECT_EQ(state.communicator().sum(changed), 3 * std::pow(2 / this->h, Dim - 1) / 2);
+}
+
+TYPED_TEST(Effects, FaultsThatOnlyTheStateShows) {
+  USE_FIXTURE;
+  const std::string shape = "shape = {type = \"sphere\", center = " + this->list(5, 5, 5) + ", radius = 1}\n";
+  auto fault = [](auto&& call) -> std::string {
+    try {
+      call();
+    } catch (const UserError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const std::string load = "traction = " + this->list(0, 1, 0) + "\narea = 1\n";
+  const std::string unknown =
+      fault([&] { this->template make<Traction<Dim>>("traction", shape + load + "bodies = [\"lift\"]"); });
+  EXPECT_TRUE(unknown.starts_with("scene.toml:5:")) << unknown;
+  EXPECT_NE(unknown.find("\"lift\"; the bodies are left, right"), std::string::npos) << unknown;
+
+  auto far = this->template make<Traction<Dim>>("traction", shape + load);
+  this->template make<Grip<Dim>>("grip", shape + "name = \"a\"");
+  const std::string twice =
+      fault([&] { this->template make<Obstacle<Dim>>("obstacle", shape + "name = \"a\""); });
+  EXPECT_TRUE(twice.starts_with("scene.toml:3:")) << twice;
+  this->fill_bodies();
+  far->initialise(state);
+  this->distribute();
+  const std::string empty = fault([&] { this->run(this->hooks.before_p2g); });
+  EXPECT_TRUE(empty.starts_with("scene.toml:2:")) << empty;
+  EXPECT_NE(empty.find("no particle"), std::string::npos) << empty;
+}
+
+}  // namespace

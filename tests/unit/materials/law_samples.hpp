@@ -1,0 +1,140 @@
+// Deformation gradients, constants and conversions that the tests of the material laws share.
+#pragma once
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "mpm_hpc/base/types.hpp"
+#include "mpm_hpc/materials/elastic_constants.hpp"
+#include "mpm_hpc/materials/material_list.hpp"
+
+namespace mpm::test {
+
+constexpr Real test_mu = 1.3e9, test_lambda = 2.1e9;  // [Pa]
+
+template <class Law>
+struct Traits;
+template <int D>
+struct Traits<NeoHookean<D>> {
+  static constexpr int dim = D;
+  static NeoHookean<D> law(Real mu = test_mu, Real lambda = test_lambda) { return {mu, lambda}; }
+};
+template <int D>
+struct Traits<SplitNeoHookean<D>> {
+  static constexpr int dim = D;
+  static SplitNeoHookean<D> law(Real mu = test_mu, Real lambda = test_lambda) {
+    return {mu, ElasticConstants{mu, lambda}.bulk_modulus<D>()};
+  }
+};
+
+template <int Dim>
+Tensor<double, Dim> to_tensor(const Mat<Dim>& a) {
+  Tensor<double, Dim> t;
+  for (int i = 0; i < Dim; ++i)
+    for (int j = 0; j < Dim; ++j) t(i, j) = a(i, j);
+  return t;
+}
+template <int Dim>
+Mat<Dim> to_matrix(const Tensor<double, Dim>& t) {
+  Mat<Dim> a;
+  for (int i = 0; i < Dim; ++i)
+    for (int j = 0; j < Dim; ++j) a(i, j) = t(i, j);
+  return a;
+}
+template <int Dim>
+Mat<Dim> to_matrix(const SymTensor<double, Dim>& t) {
+  Mat<Dim> a;
+  for (int i = 0; i < Dim; ++i)
+    for (int j = 0; j < Dim; ++j) a(i, j) = t(i, j);
+  return a;
+}
+
+template <int Dim>
+Mat<Dim> random_matrix(std::mt19937& generator) {
+  std::normal_distribution<double> normal;
+  return Mat<Dim>::NullaryExpr([&] { return normal(generator); });
+}
+
+template <int Dim>
+Mat<Dim> random_rotation(std::mt19937& generator) {
+  Mat<Dim> q = Eigen::HouseholderQR<Mat<Dim>>(random_matrix<Dim>(generator)).householderQ();
+  if (q.determinant() < 0) q.col(0) *= -1;
+  return q;
+}
+
+template <int Dim>
+struct Sample {
+  std::string name;
+  Mat<Dim> F;
+};
+
+// Random, repeated and nearly repeated singular values, strong compression and expansion; det F > 0
+// throughout.
+template <int Dim>
+std::vector<Sample<Dim>> sample_deformations(int random_ones = 20) {
+  std::mt19937 generator(20240607);
+  std::uniform_real_distribution<double> stretch(0.6, 1.7);
+  const auto rotated = [&](const Vec<Dim>& s) -> Mat<Dim> {
+    return random_rotation<Dim>(generator) * s.asDiagonal() * random_rotation<Dim>(generator).transpose();
+  };
+  const auto random_stretches = [&] {
+    return Vec<Dim>::NullaryExpr([&] { return stretch(generator); }).eval();
+  };
+
+  std::vector<Sample<Dim>> samples;
+  for (int i = 0; i < random_ones; ++i)
+    samples.push_back({"random " + std::to_string(i), rotated(random_stretches())});
+  samples.push_back({"all equal", rotated(Vec<Dim>::Constant(1.2))});
+  Vec<Dim> pair = Vec<Dim>::Constant(0.8);
+  pair(Dim - 1) = Dim == 2 ? 0.8 : 1.3;
+  samples.push_back({"two equal", rotated(pair)});
+  pair(0) += 1e-8;
+  samples.push_back({"two nearly equal", rotated(pair)});
+  for (const double J : {0.01, 10.0}) {
+    Vec<Dim> s = random_stretches();
+    s *= std::pow(J / s.prod(), 1.0 / Dim);
+    samples.push_back({"J = " + std::to_string(J), rotated(s)});
+  }
+  return samples;
+}
+
+// d tau_a / d ln s_b by central differences of the stress of F = diag(s).
+template <int Dim, class Stress>
+Mat<Dim> principal_moduli(const Stress& stress, const Vec<Dim>& s) {
+  const double h = 1e-5;
+  Mat<Dim> A;
+  for (int b = 0; b < Dim; ++b) {
+    Vec<Dim> up = s, down = s;
+    up(b) *= std::exp(h);
+    down(b) *= std::exp(-h);
+    A.col(b) = (to_matrix<Dim>(stress(to_tensor<Dim>(up.asDiagonal()))).diagonal() -
+                to_matrix<Dim>(stress(to_tensor<Dim>(down.asDiagonal()))).diagonal()) /
+               (2 * h);
+  }
+  return A;
+}
+
+template <int Dim>
+double largest_eigenvalue(const Mat<Dim>& a) {
+  return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(0.5 * (a + a.transpose())).eigenvalues().maxCoeff();
+}
+
+// The Dim^2 x Dim^2 matrix of a linear map of matrices, column-major in both.
+template <int Dim, class Map>
+Eigen::Matrix<double, Dim * Dim, Dim * Dim> matrix_of(const Map& map) {
+  Eigen::Matrix<double, Dim * Dim, Dim * Dim> m;
+  for (int k = 0; k < Dim * Dim; ++k) {
+    Mat<Dim> unit = Mat<Dim>::Zero();
+    unit.data()[k] = 1;
+    const Mat<Dim> image = map(unit);
+    m.col(k) = Eigen::Map<const Eigen::Matrix<double, Dim * Dim, 1>>(image.data());
+  }
+  return m;
+}
+
+}  // namespace mpm::test

@@ -1,0 +1,320 @@
+// Every law: the energy fixes the stress and the stress the tangent; frame indifference; small strains; step
+// bounds.
+#include <gtest/gtest.h>
+
+#include "unit/materials/law_samples.hpp"
+
+namespace mpm::test {
+namespace {
+
+template <class Law>
+struct LawTest : testing::Test {
+  static constexpr int dim = Traits<Law>::dim;
+  using M = Mat<dim>;
+  Law law = Traits<Law>::law();
+  std::mt19937 generator{7};
+
+  double energy(const M& F) const { return law.energy_density(to_tensor<dim>(F)); }
+  M piola(const M& F) const { return to_matrix<dim>(law.first_piola(to_tensor<dim>(F))); }
+  M kirchhoff(const M& F) const { return to_matrix<dim>(law.kirchhoff_stress(to_tensor<dim>(F))); }
+  M differential(const M& F, const M& dF) const {
+    return to_matrix<dim>(law.first_piola_differential(to_tensor<dim>(F), to_tensor<dim>(dF)));
+  }
+  M difference_of_energy(const M& F, double h) const {
+    M P;
+    for (int k = 0; k < dim * dim; ++k) {
+      M up = F, down = F;
+      up.data()[k] += h;
+      down.data()[k] -= h;
+      P.data()[k] = (energy(up) - energy(down)) / (2 * h);
+    }
+    return P;
+  }
+};
+
+using Laws = testing::Types<NeoHookean<2>, NeoHookean<3>, SplitNeoHookean<2>, SplitNeoHookean<3>>;
+TYPED_TEST_SUITE(LawTest, Laws);
+
+// The error of central differences falls as h^2 and reaches 1e-8 before roundoff takes over.
+template <class Error>
+void expect_second_order(const Error& relative_error, double length, const std::string& name) {
+  const double coarse = relative_error(0.01 * length), fine = relative_error(0.005 * length);
+  EXPECT_GT(coarse, 1e-7) << name;
+  EXPECT_NEAR(std::log2(coarse / fine), 2.0, 0.05) << name;
+  double best = 1;
+  for (double h = 1e-3; h > 1e-7; h /= 2) best = std::min(best, relative_error(h * length));
+  EXPECT_LE(best, 1e-8) << name;
+}
+
+TYPED_TEST(LawTest, StressIsTheGradientOfTheEnergy) {
+  for (const auto& [name, F] : sample_deformations<TestFixture::dim>()) {
+    const auto P = this->piola(F);
+    const auto error = [&, &F = F](double h) {
+      return (this->difference_of_energy(F, h) - P).norm() / P.norm();
+    };
+    expect_second_order(error, 1 / F.inverse().norm(), name);
+    const auto tau = this->kirchhoff(F);
+    EXPECT_LE((P * F.transpose() - tau).norm(), 1e-13 * (P.norm() * F.norm())) << name;
+  }
+}
+
+TYPED_TEST(LawTest, TangentIsTheGradientOfTheStress) {
+  constexpr int dim = TestFixture::dim;
+  for (const auto& [name, F] : sample_deformations<dim>()) {
+    Mat<dim> dF = random_matrix<dim>(this->generator);
+    dF.normalize();
+    const Mat<dim> dP = this->differential(F, dF);
+    const auto error = [&, &F = F](double h) {
+      return ((this->piola(F + h * dF) - this->piola(F - h * dF)) / (2 * h) - dP).norm() / dP.norm();
+    };
+    expect_second_order(error, 1 / F.inverse().norm(), name);
+  }
+}
+
+TYPED_TEST(LawTest, TangentHasMajorSymmetry) {
+  constexpr int dim = TestFixture::dim;
+  for (const auto& [name, F] : sample_deformations<dim>()) {
+    const auto C = matrix_of<dim>([&, &F = F](const Mat<dim>& dF) { return this->differential(F, dF); });
+    EXPECT_LE((C - C.transpose()).norm(), 1e-13 * C.norm()) << name;
+  }
+}
+
+TYPED_TEST(LawTest, IsObjectiveAndIsotropic) {
+  constexpr int dim = TestFixture::dim;
+  for (const auto& [name, F] : sample_deformations<dim>()) {
+    const Mat<dim> Q = random_rotation<dim>(this->generator);
+    const double energy = this->energy(F);
+    const Mat<dim> P = this->piola(F);
+    EXPECT_NEAR(this->energy(Q * F), energy, 1e-12 * energy) << name;
+    EXPECT_NEAR(this->energy(F * Q), energy, 1e-12 * energy) << name;
+    EXPECT_LE((this->piola(Q * F) - Q * P).norm(), 1e-12 * P.norm()) << name;
+    EXPECT_LE((this->piola(F * Q) - P * Q).norm(), 1e-12 * P.norm()) << name;
+    const Mat<dim> tau = this->kirchhoff(F);
+    EXPECT_LE((this->kirchhoff(Q * F) - Q * tau * Q.transpose()).norm(), 1e-12 * P.norm() * F.norm()) << name;
+    for (const auto& bound :
+         {&TypeParam::template stiffness_bound<double>, &TypeParam::template wave_modulus<double>}) {
+      const double value = (this->law.*bound)(to_tensor<dim>(F));
+      EXPECT_NEAR((this->law.*bound)(to_tensor<dim>(Q * F)), value, 1e-12 * value) << name;
+    }
+  }
+}
+
+TYPED_TEST(LawTest, IsAtRestUndeformed) {
+  constexpr int dim = TestFixture::dim;
+  const Mat<dim> I = Mat<dim>::Identity();
+  EXPECT_EQ(this->energy(I), 0);
+  EXPECT_EQ(this->piola(I).norm(), 0);
+  EXPECT_EQ(this->kirchhoff(I).norm(), 0);
+  const Mat<dim> Q = random_rotation<dim>(this->generator);
+  EXPECT_LE(this->kirchhoff(Q).norm(), 1e-14 * test_mu);
+}
+
+// P = 2 mu eps + lambda tr(eps) I + O(eps^2) with eps the symmetric part of F - I.
+TYPED_TEST(LawTest, IsLinearElasticityAtSmallStrain) {
+  constexpr int dim = TestFixture::dim;
+  const Mat<dim> I = Mat<dim>::Identity();
+  for (int i = 0; i < 10; ++i) {
+    const Mat<dim> dF = random_matrix<dim>(this->generator);
+    const Mat<dim> strain = 0.5 * (dF + dF.transpose());
+    const Mat<dim> hooke = 2 * test_mu * strain + test_lambda * strain.trace() * I;
+    EXPECT_LE((this->differential(I, dF) - hooke).norm(), 1e-14 * hooke.norm());
+    const double coarse = (this->piola(I + 1e-4 * dF) - 1e-4 * hooke).norm();
+    const double fine = (this->piola(I + 5e-5 * dF) - 5e-5 * hooke).norm();
+    EXPECT_NEAR(std::log2(coarse / fine), 2.0, 0.05);
+  }
+}
+
+TYPED_TEST(LawTest, PrincipalDerivativesBelongToTheEnergy) {
+  constexpr int dim = TestFixture::dim;
+  for (const auto& [name, F] : sample_deformations<dim>()) {
+    const Vec<dim> s =
+        (F.transpose() * F).eval().template selfadjointView<Eigen::Lower>().eigenvalues().cwiseSqrt();
+    const Vec<dim> P = this->law.principal_first_piola(s);
+    EXPECT_LE((this->piola(s.asDiagonal()).diagonal() - P).norm(), 1e-12 * P.norm()) << name;
+    const Mat<dim> hessian = this->law.principal_hessian(s);
+    for (int b = 0; b < dim; ++b) {
+      const Mat<dim> dP = this->differential(s.asDiagonal(), Vec<dim>::Unit(b).asDiagonal());
+      EXPECT_LE((dP.diagonal() - hessian.col(b)).norm(), 1e-12 * hessian.norm()) << name;
+    }
+  }
+}
+
+// Both Lame constants that stabilise and a negative lambda (an auxetic solid).
+TYPED_TEST(LawTest, StepBoundsHoldAndAreExactAtRest) {
+  constexpr int dim = TestFixture::dim;
+  for (const double lambda : {test_lambda, -0.3 * test_mu}) {
+    const auto law = Traits<TypeParam>::law(test_mu, lambda);
+    const auto at_rest = Tensor<double, dim>::identity();
+    const double expected = std::max(2 * test_mu, 2 * test_mu + dim * lambda);
+    EXPECT_NEAR(law.stiffness_bound(at_rest), expected, 1e-14 * expected);
+    EXPECT_NEAR(law.wave_modulus(at_rest), 2 * test_mu + lambda, 1e-14 * expected);
+
+    std::uniform_real_distribution<double> log_stretch(-1.2, 1.2);
+    for (int i = 0; i < 200; ++i) {
+      const Vec<dim> s = Vec<dim>::NullaryExpr([&] { return std::exp(log_stretch(this->generator)); });
+      const Mat<dim> F =
+          random_rotation<dim>(this->generator) * s.asDiagonal() * random_rotation<dim>(this->generator);
+      const auto stress = [&](const Tensor<double, dim>& a) { return law.kirchhoff_stress(a); };
+      const Mat<dim> A = principal_moduli<dim>(stress, s);
+      const double stiffness = largest_eigenvalue<dim>(A), modulus = A.diagonal().maxCoeff();
+      EXPECT_GE(law.stiffness_bound(to_tensor<dim>(F)), stiffness - 1e-7 * A.norm());
+      EXPECT_GE(law.wave_modulus(to_tensor<dim>(F)), modulus - 1e-7 * A.norm());
+      // No looser than 4/3 of what isn't lambda, reached in equal biaxial stretch.
+      EXPECT_LE(law.stiffness_bound(to_tensor<dim>(F)), 1.34 * stiffness);
+      EXPECT_LE(law.wave_modulus(to_tensor<dim>(F)), 1.34 * modulus + 0.34 * std::max(0.0, -lambda));
+    }
+  }
+}
+
+// Psi printed with the equations: F = diag(2, 1) and F = [[2, 1], [0, 1]].
+TEST(NeoHookeanTest, EnergyOfTwoPlaneDeformations) {
+  const auto law = Traits<NeoHookean<2>>::law();
+  const double ln2 = std::log(2.0);
+  const double volumetric = -test_mu * ln2 + 0.5 * test_lambda * ln2 * ln2;
+  const Tensor<double, 2> stretch{{2, 0, 0, 1}}, with_shear{{2, 1, 0, 1}};
+  EXPECT_NEAR(law.energy_density(stretch), 1.5 * test_mu + volumetric, 1e-15 * test_mu * 10);
+  EXPECT_NEAR(law.energy_density(with_shear), 2.0 * test_mu + volumetric, 1e-15 * test_mu * 10);
+  // tau = mu (b - I) + lambda ln J I with b = diag(4, 1)
+  const auto tau = law.kirchhoff_stress(stretch);
+  EXPECT_NEAR(tau(0, 0), 3 * test_mu + test_lambda * ln2, 1e-14 * test_mu);
+  EXPECT_NEAR(tau(1, 1), test_lambda * ln2, 1e-14 * test_mu);
+  EXPECT_EQ(tau(0, 1), 0);
+}
+
+template <class Law>
+struct SplitTest : testing::Test {};
+using SplitLaws = testing::Types<SplitNeoHookean<2>, SplitNeoHookean<3>>;
+TYPED_TEST_SUITE(SplitTest, SplitLaws);
+
+// tau of F = diag(2, 1, ...): mu J^(-2/d) dev(b) + kappa/2 (J^2 - 1) I.
+TYPED_TEST(SplitTest, StressOfAUniaxialStretch) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law();
+  auto F = Tensor<double, dim>::identity();
+  F(0, 0) = 2;
+  const auto tau = law.kirchhoff_stress(F);
+  const double mean = (4.0 + dim - 1) / dim, shear = test_mu / std::pow(2.0, 2.0 / dim),
+               volumetric = 1.5 * law.kappa;
+  EXPECT_NEAR(tau(0, 0), shear * (4 - mean) + volumetric, 1e-14 * law.kappa);
+  EXPECT_NEAR(tau(1, 1), shear * (1 - mean) + volumetric, 1e-14 * law.kappa);
+  const double energy =
+      0.5 * shear * (3 + dim) - 0.5 * test_mu * dim + 0.5 * law.kappa * (1.5 - std::log(2.0));
+  EXPECT_NEAR(law.energy_density(F), energy, 1e-14 * law.kappa);
+  EXPECT_NEAR(law.energy_plus(F), energy, 1e-14 * law.kappa);
+}
+
+TYPED_TEST(SplitTest, PartsAddUpAndDegradeLinearly) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law();
+  int expanded = 0, compressed = 0;
+  for (const auto& [name, matrix] : sample_deformations<dim>()) {
+    const auto F = to_tensor<dim>(matrix);
+    (determinant(F) < 1 ? compressed : expanded)++;
+    const double all = law.energy_density(F), plus = law.energy_plus(F), minus = law.energy_degraded(F, 0.0);
+    EXPECT_NEAR(plus + minus, all, 1e-14 * law.kappa) << name;
+    EXPECT_GE(plus, -1e-15 * law.kappa) << name;
+    EXPECT_GE(minus, 0) << name;
+    if (determinant(F) >= 1) {
+      EXPECT_EQ(minus, 0) << name;
+    }
+    EXPECT_NEAR(law.energy_degraded(F, 0.3), 0.3 * plus + minus, 1e-14 * (plus + minus)) << name;
+    const auto tau = to_matrix<dim>(law.kirchhoff_stress(F));
+    const auto none = to_matrix<dim>(law.kirchhoff_stress_degraded(F, 0.0));
+    EXPECT_LE((to_matrix<dim>(law.kirchhoff_stress_degraded(F, 1.0)) - tau).norm(), 1e-15 * tau.norm())
+        << name;
+    EXPECT_LE((to_matrix<dim>(law.kirchhoff_stress_degraded(F, 0.3)) - (0.3 * tau + 0.7 * none)).norm(),
+              1e-14 * tau.norm())
+        << name;
+  }
+  EXPECT_GT(expanded, 0);
+  EXPECT_GT(compressed, 0);
+}
+
+TYPED_TEST(SplitTest, DegradedStressIsTheGradientOfTheDegradedEnergy) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law();
+  const double g = 0.2;
+  for (const auto& [name, F] : sample_deformations<dim>()) {
+    const Mat<dim> P =
+        to_matrix<dim>(law.kirchhoff_stress_degraded(to_tensor<dim>(F), g)) * F.inverse().transpose();
+    const double h = 1e-5 / F.inverse().norm();
+    Mat<dim> difference;
+    for (int k = 0; k < dim * dim; ++k) {
+      Mat<dim> up = F, down = F;
+      up.data()[k] += h;
+      down.data()[k] -= h;
+      difference.data()[k] =
+          (law.energy_degraded(to_tensor<dim>(up), g) - law.energy_degraded(to_tensor<dim>(down), g)) /
+          (2 * h);
+    }
+    EXPECT_LE((difference - P).norm(), 1e-8 * P.norm()) << name;
+  }
+}
+
+// Volume change is pure: no deviator, so compression drives no crack and isn't degraded; expansion is,
+// entirely.
+TYPED_TEST(SplitTest, PureCompressionDrivesNoCrack) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law();
+  for (const double stretch : {0.3, 0.9, 0.999999}) {
+    const Tensor<double, dim> F = stretch * Tensor<double, dim>::identity();
+    EXPECT_NEAR(law.energy_plus(F), 0, 1e-15 * test_mu);
+    EXPECT_GT(law.energy_degraded(F, 0.0), 0);
+    EXPECT_NEAR(law.kirchhoff_stress_degraded(F, 0.0)(0, 0), law.kirchhoff_stress(F)(0, 0), 1e-15 * test_mu);
+  }
+  const Tensor<double, dim> F = 1.1 * Tensor<double, dim>::identity();
+  EXPECT_EQ(law.energy_degraded(F, 0.0), 0);
+  EXPECT_EQ(law.kirchhoff_stress_degraded(F, 0.0)(0, 0), 0);
+}
+
+// Across J = 1 energy and stress of both parts change by no more than the distance allows, and the rates
+// agree with a part that is quadratic in J - 1.
+TYPED_TEST(SplitTest, IsContinuousWhereVolumeIsKept) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law();
+  Mat<dim> shear = Mat<dim>::Identity();
+  shear(0, 1) = 0.4;
+  for (const double gap : {1e-3, 1e-6, 1e-9}) {
+    const auto below = to_tensor<dim>(std::pow(1 - gap, 1.0 / dim) * shear);
+    const auto above = to_tensor<dim>(std::pow(1 + gap, 1.0 / dim) * shear);
+    EXPECT_NEAR(law.energy_plus(below), law.energy_plus(above), law.kappa * (gap * gap + 1e-15));
+    const auto tau_below = to_matrix<dim>(law.kirchhoff_stress_degraded(below, 0.1));
+    const auto tau_above = to_matrix<dim>(law.kirchhoff_stress_degraded(above, 0.1));
+    EXPECT_LE((tau_below - tau_above).norm(), 4 * law.kappa * (gap + 1e-15));
+  }
+}
+
+// The undamaged bounds serve damaged particles too.
+TYPED_TEST(SplitTest, DegradationOnlyLowersTheStepBounds) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law();
+  std::mt19937 generator(3);
+  std::uniform_real_distribution<double> log_stretch(-1, 1), degradation(0, 1);
+  for (int i = 0; i < 200; ++i) {
+    const Vec<dim> s = Vec<dim>::NullaryExpr([&] { return std::exp(log_stretch(generator)); });
+    const double g = degradation(generator);
+    const auto stress = [&](const Tensor<double, dim>& a) { return law.kirchhoff_stress_degraded(a, g); };
+    const Mat<dim> A = principal_moduli<dim>(stress, s);
+    const auto F = to_tensor<dim>(s.asDiagonal());
+    EXPECT_GE(law.stiffness_bound(F), largest_eigenvalue<dim>(A) - 1e-7 * A.norm());
+    EXPECT_GE(law.wave_modulus(F), A.diagonal().maxCoeff() - 1e-7 * A.norm());
+  }
+}
+
+// The bound of this law is the eigenvalue itself at every F.
+TYPED_TEST(SplitTest, StiffnessBoundIsExact) {
+  constexpr int dim = Traits<TypeParam>::dim;
+  const auto law = Traits<TypeParam>::law(test_mu, -0.5 * test_mu);  // a soft volume: shear decides too
+  std::mt19937 generator(4);
+  std::uniform_real_distribution<double> log_stretch(-1, 1);
+  for (int i = 0; i < 200; ++i) {
+    const Vec<dim> s = Vec<dim>::NullaryExpr([&] { return std::exp(log_stretch(generator)); });
+    const auto stress = [&](const Tensor<double, dim>& a) { return law.kirchhoff_stress(a); };
+    const Mat<dim> A = principal_moduli<dim>(stress, s);
+    EXPECT_NEAR(law.stiffness_bound(to_tensor<dim>(s.asDiagonal())), largest_eigenvalue<dim>(A),
+                1e-7 * A.norm());
+  }
+}
+
+}  // namespace
+}  // namespace mpm::test

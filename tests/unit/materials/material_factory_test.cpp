@@ -1,0 +1,185 @@
+// Materials from a scene: keys, messages, and a law added to the list as any new law would be.
+#include "mpm_hpc/materials/material_factory.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "unit/materials/law_samples.hpp"
+
+namespace mpm::test {
+namespace {
+
+// Psi = k/2 |F - I|^2: linear springs between neighbours, neither split nor with a tangent.
+template <int Dim>
+struct Springs {
+  static constexpr const char* name = "springs";
+  static constexpr const char* doc = "linear springs";
+  Real k = 0;
+
+  void declare(Parameters& p) {
+    p.real("spring_modulus", k, {.unit = "Pa", .required = true, .doc = "stiffness"});
+  }
+
+  template <class S>
+  SymTensor<S, Dim> kirchhoff_stress(const Tensor<S, Dim>& F) const {
+    SymTensor<S, Dim> tau = broadcast<S>(k) * left_cauchy_green(F);
+    for (int i = 0; i < Dim; ++i)
+      for (int j = i; j < Dim; ++j) tau(i, j) -= broadcast<S>(0.5 * k) * (F(i, j) + F(j, i));
+    return tau;
+  }
+  template <class S>
+  S energy_density(const Tensor<S, Dim>& F) const {
+    const Tensor<S, Dim> H = F - Tensor<S, Dim>::identity();
+    return broadcast<S>(0.5 * k) * inner(H, H);
+  }
+  template <class S>
+  S stiffness_bound(const Tensor<S, Dim>& F) const {
+    return broadcast<S>(2 * k) * row_sum_bound(left_cauchy_green(F));
+  }
+  template <class S>
+  S wave_modulus(const Tensor<S, Dim>& F) const {
+    return stiffness_bound(F);
+  }
+};
+
+template <class... Laws>
+LawList<Laws..., Springs<3>> with_springs(LawList<Laws...>);
+using ExtendedList = decltype(with_springs(MaterialList<3>{}));
+
+template <int Dim, class List>
+std::unique_ptr<Material<Dim>> read(const std::string& table, List list) {
+  Parameters parameters = Parameters::read_text("[material.glass]\n" + table, "plate.toml");
+  std::unique_ptr<Material<Dim>> material;
+  parameters.named_sections("material", [&](Parameters& p, const std::string& name) {
+    material = make_material_among<Dim>(list, p, name);
+  });
+  parameters.finish();
+  return material;
+}
+
+template <int Dim>
+std::unique_ptr<Material<Dim>> read(const std::string& table) {
+  return read<Dim>(table, MaterialList<Dim>{});
+}
+
+std::string message_of(const std::string& table) {
+  try {
+    read<3>(table);
+  } catch (const UserError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+const std::string keys = "density = 2500\nyoungs_modulus = \"32 GPa\"\npoisson_ratio = 0.2\n";
+
+TEST(MaterialFactoryTest, ReadsTheKeysOfAMaterial) {
+  const auto material = read<3>("model = \"split_neo_hookean\"\nfracture_toughness = 3\n" + keys);
+  EXPECT_EQ(material->name(), "glass");
+  EXPECT_STREQ(material->model(), "split_neo_hookean");
+  EXPECT_EQ(material->density(), 2500);
+  EXPECT_EQ(material->fracture_toughness(), 3);
+  EXPECT_TRUE(material->can_fracture());
+  EXPECT_TRUE(material->splits_energy());
+  EXPECT_TRUE(material->has_tangent());
+}
+
+TEST(MaterialFactoryTest, AMaterialWithoutToughnessCannotFracture) {
+  const auto material = read<2>("model = \"neo_hookean\"\n" + keys);
+  EXPECT_FALSE(material->can_fracture());
+  EXPECT_LT(material->fracture_toughness(), 0);
+  EXPECT_FALSE(material->splits_energy());
+  EXPECT_TRUE(material->has_tangent());
+}
+
+// Wave modulus at rest: E (1 - nu) / ((1 + nu) (1 - 2 nu)), for plane strain as for a solid.
+template <int Dim>
+void expect_wave_modulus(const char* model) {
+  const auto material = read<Dim>(std::string("model = \"") + model + "\"\n" + keys);
+  alignas(64) double one[8], zero[8];
+  std::fill_n(one, 8, 1.0);
+  std::fill_n(zero, 8, 0.0);
+  const double* F[Dim * Dim];
+  for (int k = 0; k < Dim * Dim; ++k) F[k] = k % (Dim + 1) == 0 ? one : zero;
+  const MaterialLimits limits = material->limits(F, 0, 8);
+  const double expected = 32e9 * 0.8 / (1.2 * 0.6);
+  EXPECT_NEAR(limits.wave_modulus, expected, 1e-13 * expected) << model;
+  EXPECT_EQ(limits.min_jacobian, 1);
+}
+
+TEST(MaterialFactoryTest, ConstantsAreThoseOfASolidOrPlaneStrain) {
+  for (const char* model : {"neo_hookean", "split_neo_hookean"}) {
+    expect_wave_modulus<2>(model);
+    expect_wave_modulus<3>(model);
+  }
+}
+
+TEST(MaterialFactoryTest, RefusesWhatMakesNoSense) {
+  using testing::HasSubstr;
+  const std::string good = "model = \"neo_hookean\"\n" + keys;
+  EXPECT_EQ(message_of(good), "no error");
+  EXPECT_THAT(message_of(keys), HasSubstr("model"));
+  EXPECT_THAT(message_of("model = \"neo_hokean\"\n" + keys), HasSubstr("did you mean \"neo_hookean\""));
+  EXPECT_THAT(message_of(good + "fracture_toughness = 0\n"), HasSubstr("plate.toml:6"));
+  EXPECT_THAT(message_of(good + "fracture_toughness = 0\n"), HasSubstr("positive fracture_toughness"));
+  EXPECT_THAT(message_of(good + "hardness = 3\n"), HasSubstr("hardness"));
+  const std::string start = "model = \"neo_hookean\"\ndensity = 1000\n";
+  EXPECT_THAT(message_of(start + "youngs_modulus = 0\npoisson_ratio = 0.2\n"), HasSubstr("youngs_modulus"));
+  EXPECT_THAT(message_of(start + "youngs_modulus = 1e9\npoisson_ratio = 0.5\n"), HasSubstr("poisson_ratio"));
+  EXPECT_THAT(message_of(start + "youngs_modulus = 1e9\npoisson_ratio = -1\n"), HasSubstr("poisson_ratio"));
+  EXPECT_THAT(message_of("model = \"neo_hookean\"\ndensity = 0\nyoungs_modulus = 1e9\npoisson_ratio = 0.2\n"),
+              HasSubstr("density"));
+}
+
+TEST(MaterialFactoryTest, NamesTheModelsThatWouldDo) {
+  const auto material = read<3>("model = \"neo_hookean\"\n" + keys);
+  EXPECT_NO_THROW(require_ability(*material, MaterialAbility::tangent, "time.integrator"));
+  try {
+    require_ability(*material, MaterialAbility::split_energy, "effect.phase_field");
+    FAIL() << "neo_hookean doesn't split its energy";
+  } catch (const UserError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("plate.toml:2:"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("effect.phase_field"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("material.glass"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("\"split_neo_hookean\""));
+    EXPECT_THAT(error.what(), testing::Not(testing::HasSubstr("\"neo_hookean\",")));
+  }
+}
+
+TEST(MaterialFactoryTest, DescribesEveryModel) {
+  Parameters parameters = Parameters::describe();
+  parameters.named_sections("material", [&](Parameters& p, const std::string& name) {
+    EXPECT_EQ(make_material_among<3>(ExtendedList{}, p, name), nullptr);
+  });
+  const std::string text = parameters.describe_text();
+  for (const char* word : {"neo_hookean", "split_neo_hookean", "springs", "youngs_modulus", "spring_modulus",
+                           "fracture_toughness", "density"})
+    EXPECT_THAT(text, testing::HasSubstr(word));
+}
+
+TEST(MaterialFactoryTest, ANewLawIsOneFileAndOneLine) {
+  const auto material =
+      read<3>("model = \"springs\"\ndensity = 1000\nspring_modulus = \"2 kPa\"\n", ExtendedList{});
+  EXPECT_STREQ(material->model(), "springs");
+  EXPECT_FALSE(material->splits_energy());
+  EXPECT_FALSE(material->has_tangent());
+  alignas(64) float columns[9][16] = {}, out[16];
+  const float* F[9];
+  for (int k = 0; k < 9; ++k) {
+    if (k % 4 == 0) std::fill_n(columns[k], 16, k == 0 ? 1.5f : 1.0f);
+    F[k] = columns[k];
+  }
+  material->energy_density(F, nullptr, 0, 0, 16, out);
+  for (const float energy : out) EXPECT_EQ(energy, 250);  // 2000/2 * 0.5^2
+  try {
+    require_ability_among<3>(ExtendedList{}, *material, MaterialAbility::tangent, "time.integrator");
+    FAIL() << "springs have no tangent";
+  } catch (const UserError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("\"neo_hookean\", \"split_neo_hookean\""));
+  }
+  // The same scene with the list of the program knows no such law.
+  EXPECT_THROW(read<3>("model = \"springs\"\ndensity = 1000\n"), UserError);
+}
+
+}  // namespace
+}  // namespace mpm::test

@@ -1,0 +1,216 @@
+// The loops over particle columns: packs against plain doubles, both precisions; what becomes of broken
+// particles.
+#include "mpm_hpc/materials/material_loops.hpp"
+
+#include <gtest/gtest.h>
+
+#include "unit/materials/law_samples.hpp"
+
+namespace mpm::test {
+namespace {
+
+// Columns of `count` particles, each on a cache line of its own.
+template <class T>
+class Columns {
+ public:
+  Columns(int components, int count, T value = 0) : count_(count) {
+    const int stride = (count + 63) / 64 * 64;
+    data_.assign(static_cast<std::size_t>(components * stride + 64), value);
+    auto address = reinterpret_cast<std::uintptr_t>(data_.data());
+    T* first = data_.data() + (64 - address % 64) % 64 / sizeof(T);
+    for (int k = 0; k < components; ++k) pointers_.push_back(first + k * stride);
+  }
+  Columns(const Columns&) = delete;
+  T* operator[](int component) const { return pointers_[component]; }
+  T* const* data() const { return pointers_.data(); }
+  int count() const { return count_; }
+
+ private:
+  int count_;
+  std::vector<T> data_;
+  std::vector<T*> pointers_;
+};
+
+template <class Law_, class T_>
+struct Case {
+  using Law = Law_;
+  using T = T_;
+};
+
+template <class C>
+struct MaterialLoopsTest : testing::Test {
+  using Law = typename C::Law;
+  using T = typename C::T;
+  static constexpr int dim = Traits<Law>::dim;
+  static constexpr int begin = 2 * pack_width<T>, end = 6 * pack_width<T>;
+  static constexpr bool splits = SplitsEnergy<Law, dim>;
+
+  Law law = Traits<Law>::law();
+  MaterialLoops<Law, dim> material{{.name = "plate", .density = 1000}, law};
+  Columns<T> F{dim * dim, end}, phase{1, end}, tau{SymTensor<T, dim>::size, end - begin}, out{1, end - begin};
+
+  MaterialLoopsTest() {
+    std::mt19937 generator(11);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    const auto samples = sample_deformations<dim>(end);
+    for (int p = 0; p < end; ++p) {
+      phase[0][p] = static_cast<T>(uniform(generator));
+      for (int k = 0; k < dim * dim; ++k) F[k][p] = static_cast<T>(samples[p].F(k / dim, k % dim));
+    }
+  }
+  Tensor<double, dim> deformation(int p) const {
+    Tensor<double, dim> a;
+    for (int k = 0; k < dim * dim; ++k) a.m[k] = F[k][p];
+    return a;
+  }
+  // A few ulp of the largest terms that the formulas add up.
+  double tolerance(int p) const {
+    const auto a = deformation(p);
+    const double size = (test_mu + test_lambda) *
+                        (1 + inner(a, a) / std::pow(determinant(a), 2.0 / dim) + std::pow(determinant(a), 2));
+    return 8 * std::numeric_limits<T>::epsilon() * size;
+  }
+};
+
+using Cases = testing::Types<Case<NeoHookean<2>, double>, Case<NeoHookean<3>, double>,
+                             Case<NeoHookean<2>, float>, Case<NeoHookean<3>, float>,
+                             Case<SplitNeoHookean<2>, double>, Case<SplitNeoHookean<3>, double>,
+                             Case<SplitNeoHookean<2>, float>, Case<SplitNeoHookean<3>, float>>;
+TYPED_TEST_SUITE(MaterialLoopsTest, Cases);
+
+TYPED_TEST(MaterialLoopsTest, StressEqualsPlainDoubles) {
+  using T = typename TestFixture::T;
+  const auto check = [this](const auto& expected_of, const char* name) {
+    for (int p = this->begin; p < this->end; ++p) {
+      const auto expected = expected_of(p);
+      for (int k = 0; k < expected.size; ++k)
+        EXPECT_NEAR(this->tau[k][p - this->begin], expected.m[k], this->tolerance(p))
+            << name << " " << p << " " << k;
+    }
+  };
+  this->material.stress(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
+                        this->tau.data());
+  check([this](int p) { return this->law.kirchhoff_stress(this->deformation(p)); }, "undamaged");
+  if constexpr (TestFixture::splits) {
+    const double residual = 0.01;
+    this->material.stress(this->F.data(), this->phase[0], residual, this->begin, this->end, this->tau.data());
+    check(
+        [&, this](int p) {
+          const double c = this->phase[0][p];
+          return this->law.kirchhoff_stress_degraded(this->deformation(p), (1 - residual) * c * c + residual);
+        },
+        "damaged");
+  } else {
+    EXPECT_THROW(
+        this->material.stress(this->F.data(), this->phase[0], 0, this->begin, this->end, this->tau.data()),
+        LogicError);
+  }
+}
+
+// In double whatever the columns are, so that only the result is rounded.
+TYPED_TEST(MaterialLoopsTest, EnergyEqualsPlainDoubles) {
+  using T = typename TestFixture::T;
+  const auto check = [this](const auto& expected_of, const char* name) {
+    for (int p = this->begin; p < this->end; ++p) {
+      const double expected = expected_of(p);
+      const double rounding = std::numeric_limits<T>::epsilon() * expected;
+      EXPECT_NEAR(this->out[0][p - this->begin], expected, rounding + 1e-14 * test_mu) << name << " " << p;
+    }
+  };
+  this->material.energy_density(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
+                                this->out[0]);
+  check([this](int p) { return this->law.energy_density(this->deformation(p)); }, "all");
+  if constexpr (TestFixture::splits) {
+    const double residual = 0.01;
+    this->material.energy_plus(this->F.data(), this->begin, this->end, this->out[0]);
+    check([this](int p) { return this->law.energy_plus(this->deformation(p)); }, "plus");
+    this->material.energy_density(this->F.data(), this->phase[0], residual, this->begin, this->end,
+                                  this->out[0]);
+    check(
+        [&, this](int p) {
+          const double c = this->phase[0][p];
+          return this->law.energy_degraded(this->deformation(p), (1 - residual) * c * c + residual);
+        },
+        "damaged");
+  } else {
+    EXPECT_THROW(this->material.energy_plus(this->F.data(), this->begin, this->end, this->out[0]),
+                 LogicError);
+    EXPECT_THROW(this->material.energy_density(this->F.data(), this->phase[0], 0, this->begin, this->end,
+                                               this->out[0]),
+                 LogicError);
+  }
+}
+
+// A strain of 1e-4 leaves 1e-8 of energy, below the roundoff of floats near 1.
+TYPED_TEST(MaterialLoopsTest, SmallEnergiesKeepTheirDigits) {
+  using T = typename TestFixture::T;
+  constexpr int dim = TestFixture::dim;
+  for (int p = 0; p < this->end; ++p)
+    for (int k = 0; k < dim * dim; ++k) this->F[k][p] = k % (dim + 1) == 0 ? 1 : 0;
+  for (int p = 0; p < this->end; ++p) this->F[1][p] = static_cast<T>(1e-4);
+  this->material.energy_density(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
+                                this->out[0]);
+  const double shear = this->F[1][0];  // J = 1 and tr b - d = shear^2 in simple shear
+  for (int p = 0; p < this->end - this->begin; ++p)
+    EXPECT_NEAR(this->out[0][p], 0.5 * test_mu * shear * shear, 1e-6 * 0.5 * test_mu * shear * shear);
+}
+
+TYPED_TEST(MaterialLoopsTest, LimitsAreTheExtremesOfTheParticles) {
+  using T = typename TestFixture::T;
+  const MaterialLimits limits = this->material.limits(this->F.data(), this->begin, this->end);
+  MaterialLimits expected;
+  for (int p = this->begin; p < this->end; ++p) {
+    const auto a = this->deformation(p);
+    expected.include({this->law.stiffness_bound(a), this->law.wave_modulus(a), determinant(a)});
+  }
+  const double tolerance = 10 * std::numeric_limits<T>::epsilon();
+  EXPECT_NEAR(limits.stiffness, expected.stiffness, tolerance * expected.stiffness);
+  EXPECT_NEAR(limits.wave_modulus, expected.wave_modulus, tolerance * expected.wave_modulus);
+  EXPECT_NEAR(limits.min_jacobian, expected.min_jacobian, tolerance);
+}
+
+// In whatever lane and component it hides, before or after sound particles.
+TYPED_TEST(MaterialLoopsTest, LimitsFindEveryBrokenParticle) {
+  using T = typename TestFixture::T;
+  constexpr int dim = TestFixture::dim;
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  for (int p = this->begin; p < this->end; ++p) {
+    for (int k = 0; k < dim * dim; ++k) {
+      const T sound = this->F[k][p];
+      this->F[k][p] = std::numeric_limits<T>::quiet_NaN();
+      const MaterialLimits limits = this->material.limits(this->F.data(), this->begin, this->end);
+      this->F[k][p] = sound;
+      EXPECT_EQ(limits.stiffness, infinity);
+      EXPECT_EQ(limits.wave_modulus, infinity);
+      EXPECT_EQ(limits.min_jacobian, -infinity);
+    }
+    for (int i = 0; i < dim; ++i) this->F[i][p] *= -1;  // the first row: det F < 0
+    EXPECT_LT(this->material.limits(this->F.data(), this->begin, this->end).min_jacobian, 0);
+    for (int i = 0; i < dim; ++i) this->F[i][p] *= -1;
+  }
+  EXPECT_LT(this->material.limits(this->F.data(), this->begin, this->end).stiffness, infinity);
+  EXPECT_GT(this->material.limits(this->F.data(), this->begin, this->end).min_jacobian, 0);
+}
+
+// A NaN in F reaches the stress, and doesn't leave its lane.
+TYPED_TEST(MaterialLoopsTest, StressPassesNaNOn) {
+  using T = typename TestFixture::T;
+  const int bad = this->begin + 3;
+  this->F[0][bad] = std::numeric_limits<T>::quiet_NaN();
+  this->material.stress(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
+                        this->tau.data());
+  for (int p = this->begin; p < this->end; ++p)
+    EXPECT_EQ(std::isnan(this->tau[0][p - this->begin]), p == bad) << p;
+}
+
+TEST(MaterialLimitsTest, OfNoParticlesRestrictNothing) {
+  const MaterialLoops<NeoHookean<3>, 3> material({.name = "plate", .density = 1000}, {1, 1});
+  const double* none[9] = {};
+  const MaterialLimits limits = material.limits(none, 8, 8);
+  EXPECT_EQ(limits.stiffness, 0);
+  EXPECT_EQ(limits.wave_modulus, 0);
+  EXPECT_EQ(limits.min_jacobian, std::numeric_limits<double>::infinity());
+}
+
+}  // namespace
+}  // namespace mpm::test

@@ -1,0 +1,144 @@
+// Scalar transfers and the Laplacian in its three forms (matrix-free, diagonal, stencil) against plain sums.
+#include <gtest/gtest.h>
+
+#include "../../support/serial_grid.hpp"
+#include "mpm_hpc/transfer/laplacian_stencil.hpp"
+
+using namespace mpm;
+using namespace mpm::test;
+
+namespace {
+
+template <class T>
+struct Given : ValueSource<T> {
+  const T *mass, *conductivity;
+  void values(Index begin, Index end, T* const* q, T* k) override {
+    for (Index p = begin; p < end; ++p) {
+      for (int c = 0; c < 4; ++c) q[c][p - begin] = static_cast<T>(c + 1) * mass[p];
+      k[p - begin] = conductivity[p];
+    }
+  }
+};
+
+template <class T, int Dim>
+struct Collected : ValueSink<T> {
+  std::vector<Real> value;
+  std::vector<Vec<Dim>> gradient;
+  void values(Index begin, Index end, const T* v, const T* const* g) override {
+    for (Index p = begin; p < end; ++p) {
+      value[p] = v[p - begin];
+      for (int a = 0; a < Dim; ++a) gradient[p][a] = g[a][p - begin];
+    }
+  }
+};
+
+template <int D, class Number>
+struct Case {
+  static constexpr int Dim = D;
+  using T = Number;
+};
+
+template <class C>
+class Scalar : public testing::Test {};
+using Cases = testing::Types<Case<2, double>, Case<2, float>, Case<3, double>, Case<3, float>>;
+TYPED_TEST_SUITE(Scalar, Cases);
+
+TYPED_TEST(Scalar, EqualsPlainSums) {
+  constexpr int Dim = TypeParam::Dim;
+  using T = typename TypeParam::T;
+  const bool single = std::is_same_v<T, float>;
+  const Precision precision = single ? Precision::single_precision : Precision::double_precision;
+  const Real tolerance = single ? 2e-5 : 1e-13;
+  const GridGeometry<Dim> geometry(Vec<Dim>::Constant(-0.3), Vec<Dim>::Constant(0.9), 0.1);
+  auto particles = random_particles(geometry, 400, 21);
+  Body<Dim> body = make_body<Dim, T>(particles, precision);
+  const BlockTopology<Dim> topology = order_and_activate(body, geometry, precision);
+  const GlobalIndex* id = body.particles.template data<GlobalIndex>(core::id);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<Real> drift(-0.09, 0.09), both(-1, 1);
+  for (Index p = 0; p < body.particles.size(); ++p)
+    if (id[p] >= 0)
+      for (int a = 0; a < Dim; ++a)
+        particles[id[p]].x[a] = (body.particles.template data<Real>(core::position, a)[p] += drift(random));
+
+  constexpr int half = HalfStencil<QuadraticKernel, Dim>::size, centre = HalfStencil<QuadraticKernel, Dim>::centre;
+  GridFields fields(precision);
+  const FieldId nodes = fields.add({.name = "values", .components = 4});
+  const FieldId diagonal = fields.add({.name = "diagonal"}), x = fields.add({.name = "x"}), y = fields.add({.name = "y"});
+  const FieldId stencil = fields.add({.name = "stencil", .components = half});
+  fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
+  for (FieldId f : {nodes, diagonal, x, y, stencil}) fields.zero(f);
+  // The particles' volume serves as conductivity (0 for padding), their mass as the scattered value.
+  const T* conductivity = body.particles.template data<T>(core::volume);
+  Given<T> source;
+  source.mass = body.particles.template data<T>(core::mass);
+  source.conductivity = conductivity;
+  const ScalarGrid<Dim> grid{geometry, topology};
+  ReferenceGrid<Dim> reference(geometry);
+  std::vector<Real> in(reference.mass.size());
+  for (Slot s = 0; s < topology.size(); ++s)
+    for (int n = 0; n < nodes_per_block<Dim>; ++n)
+      fields.template data<T>(x)[s * nodes_per_block<Dim> + n] = static_cast<T>(
+          in[reference.index(topology.first_node(s) + node_in_block<Dim>(n))] = both(random));
+
+  scatter_values<QuadraticKernel>(grid, body, all_ranges(body), source, fields.template data<T>(nodes),
+                                  fields.template data<T>(diagonal));
+  apply_laplacian<QuadraticKernel>(grid, body, all_ranges(body), conductivity, fields.template data<T>(x),
+                                   fields.template data<T>(y));
+  scatter_laplacian_stencil<QuadraticKernel>(grid, body, all_ranges(body), conductivity,
+                                             fields.template data<T>(stencil));
+  Collected<T, Dim> sink;
+  sink.value.resize(body.particles.size());
+  sink.gradient.resize(body.particles.size());
+  gather_scalar<QuadraticKernel>(grid, body, all_ranges(body), fields.template data<T>(x), sink);
+
+  // The plain way: D^-1 w (x_i - x_p) of each stencil node, and every pair of nodes.
+  std::vector<Real> values(in.size()), diag(in.size()), out(in.size());
+  std::vector<std::array<Real, 125>> entries(in.size());
+  const Real inverse_inertia = 4 / (0.1 * 0.1);
+  std::vector<Real> value(particles.size());
+  std::vector<Vec<Dim>> gradient(particles.size());
+  for (std::size_t n = 0; n < particles.size(); ++n) {
+    const auto& p = particles[n];
+    struct Term {
+      IntVec<Dim> node;
+      Real w;
+      Vec<Dim> g;
+    };
+    std::vector<Term> terms;
+    gradient[n].setZero();
+    for_each_node<QuadraticKernel>(geometry, p.x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance) {
+      terms.push_back({node, w, inverse_inertia * w * distance});
+      value[n] += w * in[reference.index(node)];
+      gradient[n] += terms.back().g * in[reference.index(node)];
+      values[reference.index(node)] += w * p.mass;
+    });
+    for (const Term& i : terms)
+      for (const Term& j : terms) {
+        const Real h = p.volume * i.g.dot(j.g);
+        out[reference.index(i.node)] += h * in[reference.index(j.node)];
+        if (i.node == j.node) diag[reference.index(i.node)] += h;
+        entries[reference.index(i.node)][HalfStencil<QuadraticKernel, Dim>::number(j.node - i.node)] += h;
+      }
+  }
+  Real scale = 0;
+  for (Real d : diag) scale = std::max(scale, d);
+  for (Slot s = 0; s < topology.size(); ++s)
+    for (int n = 0; n < nodes_per_block<Dim>; ++n) {
+      const std::size_t k = static_cast<std::size_t>(s) * nodes_per_block<Dim> + n;
+      const std::size_t i = reference.index(topology.first_node(s) + node_in_block<Dim>(n));
+      for (int c = 0; c < 4; ++c)
+        EXPECT_NEAR(fields.template data<T>(nodes)[4 * k + c], (c + 1) * values[i], 100 * tolerance);
+      EXPECT_NEAR(fields.template data<T>(diagonal)[k], diag[i], tolerance * scale * 10);
+      EXPECT_NEAR(fields.template data<T>(y)[k], out[i], tolerance * scale * 30);
+      for (int e = 0; e < half; ++e)
+        EXPECT_NEAR(fields.template data<T>(stencil)[half * k + e], entries[i][centre + e], tolerance * scale * 10);
+    }
+  for (Index p = 0; p < body.particles.size(); ++p) {
+    if (id[p] < 0) continue;
+    EXPECT_NEAR(sink.value[p], value[id[p]], tolerance * 10);
+    EXPECT_LT((sink.gradient[p] - gradient[id[p]]).norm(), tolerance * 1000);
+  }
+}
+
+}  // namespace
