@@ -35,21 +35,28 @@ else
   exit 1
 fi
 
+logs=$(dirname "$0")/../build/logs
+mkdir -p "$logs" || exit 1
+log=$(cd "$logs" && pwd)/install.log
+
 apt() {
-  # shellcheck disable=SC2086
-  $as_root env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 "$@"
+  $as_root env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 "$@" >>"$log" 2>&1
 }
 
 install_missing() {
+  apt update # one unreachable source does no harm
   # shellcheck disable=SC2086
-  apt update && apt install -y --no-install-recommends $missing
+  apt install -y --no-install-recommends $missing
 }
 
+echo "Installing them, some minutes (log: $log)"
+: >"$log"
 install_missing || {
   echo "The installation failed; trying once more in 10 seconds."
   sleep 10
   install_missing
 } || {
-  echo "apt-get could not install:$missing"
+  tail -n 20 "$log"
+  echo "apt-get could not install:$missing; its whole output is in $log"
   exit 1
 }

@@ -41,14 +41,14 @@ std::vector<std::unique_ptr<Effect<Dim>>> read_effects(Parameters& root, const s
     for (const EffectEntry<Dim>& entry : list) {
       if (!table.has(entry.key)) {
         // Declared all the same, so that a misspelt neighbour is told what it may be.
-        if (!entry.several) table.section(entry.key, SectionOptions(entry.doc), [](Parameters&) {});
+        if (!entry.several) table.section(entry.key, SectionOptions(entry.doc.c_str()), [](Parameters&) {});
         continue;
       }
       if (entry.several) {
-        table.section_list(entry.key, SectionOptions(entry.doc),
+        table.section_list(entry.key, SectionOptions(entry.doc.c_str()),
                            [&](Parameters& p, int) { effects.push_back(entry.read(p)); });
       } else {
-        table.section(entry.key, SectionOptions(entry.doc), [&](Parameters& p) { effects.push_back(entry.read(p)); });
+        table.section(entry.key, SectionOptions(entry.doc.c_str()), [&](Parameters& p) { effects.push_back(entry.read(p)); });
       }
     }
   });

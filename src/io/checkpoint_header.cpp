@@ -138,16 +138,16 @@ CheckpointHeader checkpoint::parse_header(const std::filesystem::path& file) {
   state.scene_text = need(file, source.text_dataset(scene_path), "the scene");
   check_sum(file, source, scene_path, state.scene_text);
   state.owners = checked_values<std::int32_t>(file, source, owners_path);
-  for (const std::string& name : source.names(numbers_group))
+  for (const std::string& name : need(file, source.names(numbers_group), "the list of numbers"))
     state.numbers[name] = checked_values<Real>(file, source, std::string(numbers_group) + "/" + name);
 
   const std::uint64_t file_size = std::filesystem::file_size(file);
-  const std::size_t bodies = source.names(bodies_group).size();
+  const std::size_t bodies = need(file, source.names(bodies_group), "the list of bodies").size();
   for (std::size_t b = 0; b < bodies; ++b) {
     CheckpointBody body;
     body.name = need(file, source.text(body_path(b), "name"), fmt::format("the name of body {}", b));
     body.particles = need(file, source.integer(body_path(b), "particles"), fmt::format("the size of body {}", b));
-    for (const std::string& name : source.names(body_path(b)))
+    for (const std::string& name : need(file, source.names(body_path(b)), fmt::format("the list of columns of body {}", b)))
       body.columns.push_back(parse_column(file, source, column_path(b, name), body, name, file_size));
     header.bodies.push_back(std::move(body));
   }

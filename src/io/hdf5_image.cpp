@@ -88,6 +88,13 @@ Hdf5Id space_of(std::uint64_t rows, int components) {
   return checked(H5Screate_simple(components == 0 ? 1 : 2, extent, nullptr), H5Sclose, "make a dataspace");
 }
 
+// Without times of change, so that equal runs give equal files.
+Hdf5Id properties_of(hid_t kind) {
+  Hdf5Id properties = checked(H5Pcreate(kind), H5Pclose, "make a property list");
+  check(H5Pset_obj_track_times(properties, false) >= 0, "make a property list");
+  return properties;
+}
+
 Hdf5Id text_type(const std::string& text) {
   Hdf5Id type = checked(H5Tcopy(H5T_C_S1), H5Tclose, "make a type");
   check(H5Tset_size(type, std::max<std::size_t>(text.size(), 1)) >= 0 && H5Tset_strpad(type, H5T_STR_NULLPAD) >= 0,
@@ -128,7 +135,7 @@ void Hdf5Image::Bytes::get(std::uint64_t place, char* data, std::size_t size) co
 Hdf5Image::Hdf5Image() {
   silence_hdf5();
   const Hdf5Id access = checked(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "make a property list");
-  const Hdf5Id creation = checked(H5Pcreate(H5P_FILE_CREATE), H5Pclose, "make a property list");
+  const Hdf5Id creation = properties_of(H5P_FILE_CREATE);
   Bytes* bytes = &bytes_;
   // The format of 1.8 checks its own metadata, and every reader of today knows it. Big datasets begin on a page.
   check(H5Pset_driver(access, image_driver(), &bytes) >= 0 &&
@@ -143,7 +150,7 @@ Hdf5Image::Hdf5Image() {
 Hdf5Image::~Hdf5Image() = default;
 
 Hdf5Id Hdf5Image::make_group(const std::string& path) {
-  return checked(H5Gcreate2(file_, path.c_str(), links_, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+  return checked(H5Gcreate2(file_, path.c_str(), links_, properties_of(H5P_GROUP_CREATE), H5P_DEFAULT), H5Gclose,
                  "make group " + path);
 }
 
@@ -182,7 +189,7 @@ Hdf5Id Hdf5Image::create(const std::string& path, hid_t type, hid_t space, hid_t
 }
 
 Hdf5Id Hdf5Image::make_dataset(const std::string& path, FileType type, const void* data, std::size_t count) {
-  Hdf5Id dataset = create(path, hdf5_type(type), space_of(count, 0), H5P_DEFAULT);
+  Hdf5Id dataset = create(path, hdf5_type(type), space_of(count, 0), properties_of(H5P_DATASET_CREATE));
   if (count > 0)
     check(H5Dwrite(dataset, hdf5_type(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, "fill dataset " + path);
   return dataset;
@@ -191,13 +198,14 @@ Hdf5Id Hdf5Image::make_dataset(const std::string& path, FileType type, const voi
 Hdf5Id Hdf5Image::make_text_dataset(const std::string& path, const std::string& text) {
   const Hdf5Id type = text_type(text);
   check(H5Tset_cset(type, H5T_CSET_UTF8) >= 0, "make a type");
-  Hdf5Id dataset = create(path, type, checked(H5Screate(H5S_SCALAR), H5Sclose, "make a dataspace"), H5P_DEFAULT);
+  const Hdf5Id space = checked(H5Screate(H5S_SCALAR), H5Sclose, "make a dataspace");
+  Hdf5Id dataset = create(path, type, space, properties_of(H5P_DATASET_CREATE));
   check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, text.c_str()) >= 0, "fill dataset " + path);
   return dataset;
 }
 
 Hdf5Id Hdf5Image::reserve_dataset(const std::string& path, FileType type, std::uint64_t rows, int components) {
-  const Hdf5Id properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, "make a property list");
+  const Hdf5Id properties = properties_of(H5P_DATASET_CREATE);
   check(H5Pset_layout(properties, H5D_CONTIGUOUS) >= 0 && H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY) >= 0 &&
             H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER) >= 0,
         "make a property list");
@@ -211,7 +219,7 @@ std::uint64_t Hdf5Image::place(hid_t dataset) {
 
 Hdf5Id Hdf5Image::make_chunked_dataset(const std::string& path, FileType type, std::uint64_t rows, int components,
                                        std::uint64_t rows_per_chunk, int deflate) {
-  const Hdf5Id properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, "make a property list");
+  const Hdf5Id properties = properties_of(H5P_DATASET_CREATE);
   const hsize_t chunk[2] = {rows_per_chunk, static_cast<hsize_t>(components)};
   check(H5Pset_chunk(properties, components == 0 ? 1 : 2, chunk) >= 0 && H5Pset_shuffle(properties) >= 0 &&
             H5Pset_deflate(properties, static_cast<unsigned>(deflate)) >= 0 &&

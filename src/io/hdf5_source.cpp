@@ -69,11 +69,11 @@ std::optional<std::string> Hdf5Source::text_dataset(const std::string& path) con
   return without_padding(*text);
 }
 
-std::vector<std::string> Hdf5Source::names(const std::string& group) const {
+std::optional<std::vector<std::string>> Hdf5Source::names(const std::string& group) const {
   const Hdf5Id source(H5Gopen2(file_, group.c_str(), H5P_DEFAULT), H5Gclose);
-  std::vector<std::string> names;
   H5G_info_t info;
-  if (!source.valid() || H5Gget_info(source, &info) < 0) return names;
+  if (!source.valid() || H5Gget_info(source, &info) < 0) return {};
+  std::vector<std::string> names;
   for (hsize_t i = 0; i < info.nlinks; ++i) {
     const auto by_index = [&](char* name, std::size_t size) {
       return H5Lget_name_by_idx(source, ".", H5_INDEX_NAME, H5_ITER_INC, i, name, size, H5P_DEFAULT);
@@ -81,7 +81,7 @@ std::vector<std::string> Hdf5Source::names(const std::string& group) const {
     const ssize_t length = by_index(nullptr, 0);
     if (length <= 0) return {};
     std::string name(length, '\0');
-    by_index(name.data(), name.size() + 1);
+    if (by_index(name.data(), name.size() + 1) != length) return {};
     names.push_back(std::move(name));
   }
   return names;

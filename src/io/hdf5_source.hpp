@@ -22,8 +22,8 @@ class Hdf5Source {
   std::optional<double> real(const std::string& object, const std::string& attribute) const;
   std::optional<std::string> text(const std::string& object, const std::string& attribute) const;
 
-  std::vector<std::string> names(const std::string& group) const;  // of its members, sorted
-  Hdf5Id dataset(const std::string& path) const;                   // invalid when there is none
+  std::optional<std::vector<std::string>> names(const std::string& group) const;  // of its members, sorted
+  Hdf5Id dataset(const std::string& path) const;  // invalid when there is none
   static std::vector<std::uint64_t> extent(hid_t dataset);
   static bool has_type(hid_t dataset, FileType type);
   static std::optional<std::uint64_t> contiguous_place(hid_t dataset);

@@ -2,6 +2,7 @@
 
 #include <mpi.h>
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
@@ -91,15 +92,15 @@ void read_share(const CloudFile& file, std::uint64_t total, std::uint64_t rows, 
     const Hdf5Id dataset = file.dataset(name, total, row);
     return dataset.valid() ? file.read(name, dataset, first, rows) : std::vector<Real>();
   };
-  cloud.position = as_matrices<Vec<Dim>>(share("position", {Dim}));
-  cloud.velocity = as_matrices<Vec<Dim>>(share("velocity", {Dim}));
-  cloud.volume = share("volume", {});
-  cloud.deformation_gradient = as_matrices<Mat<Dim>>(share("deformation_gradient", {Dim, Dim}));
-  for (std::size_t p = 0; p < cloud.volume.size(); ++p)
-    if (cloud.volume[p] <= 0)
-      file.fail(fmt::format("has the volume {} m^3 in row {}, but volumes are positive", cloud.volume[p], first + p));
-  for (std::size_t p = 0; p < cloud.deformation_gradient.size(); ++p)
-    if (cloud.deformation_gradient[p].determinant() <= 0)
+  cloud.positions = as_matrices<Vec<Dim>>(share("position", {Dim}));
+  cloud.velocities = as_matrices<Vec<Dim>>(share("velocity", {Dim}));
+  cloud.volumes = share("volume", {});
+  cloud.deformation_gradients = as_matrices<Mat<Dim>>(share("deformation_gradient", {Dim, Dim}));
+  for (std::size_t p = 0; p < cloud.volumes.size(); ++p)
+    if (cloud.volumes[p] <= 0)
+      file.fail(fmt::format("has the volume {} m^3 in row {}, but volumes are positive", cloud.volumes[p], first + p));
+  for (std::size_t p = 0; p < cloud.deformation_gradients.size(); ++p)
+    if (cloud.deformation_gradients[p].determinant() <= 0)
       file.fail(fmt::format("has a deformation_gradient in row {} whose determinant is not positive", first + p));
 }
 

@@ -17,17 +17,23 @@ struct Combination final : ShapeNode<Dim> {
 
   static Real sign(std::size_t part) { return op == Operation::difference_of && part > 0 ? -1.0 : 1.0; }
 
-  std::pair<std::size_t, Real> active(const Vec<Dim>& x) const {
-    std::pair<std::size_t, Real> best{0, parts[0].distance(x)};
+  template <class Distance>
+  std::pair<std::size_t, Real> active(Distance&& distance_to) const {
+    std::pair<std::size_t, Real> best{0, distance_to(parts[0])};
     for (std::size_t i = 1; i < parts.size(); ++i) {
-      const Real d = sign(i) * parts[i].distance(x);
+      const Real d = sign(i) * distance_to(parts[i]);
       if (op == Operation::union_of ? d < best.second : d > best.second) best = {i, d};
     }
     return best;
   }
-  Real distance(const Vec<Dim>& x) const override { return active(x).second; }
+  Real distance(const Vec<Dim>& x) const override {
+    return active([&](const Shape<Dim>& part) { return part.distance(x); }).second;
+  }
+  Real bounded_distance(const Vec<Dim>& x, Real limit) const override {
+    return active([&](const Shape<Dim>& part) { return part.bounded_distance(x, limit); }).second;
+  }
   Vec<Dim> normal(const Vec<Dim>& x) const override {
-    const std::size_t part = active(x).first;
+    const std::size_t part = active([&](const Shape<Dim>& p) { return p.distance(x); }).first;
     return sign(part) * parts[part].normal(x);
   }
   bool contains(const Vec<Dim>& x) const override {
@@ -62,6 +68,9 @@ struct Moved final : ShapeNode<Dim> {
 
   Vec<Dim> back(const Vec<Dim>& x) const { return rotation.transpose() * (x - offset); }
   Real distance(const Vec<Dim>& x) const override { return shape.distance(back(x)); }
+  Real bounded_distance(const Vec<Dim>& x, Real limit) const override {
+    return shape.bounded_distance(back(x), limit);
+  }
   Vec<Dim> normal(const Vec<Dim>& x) const override { return rotation * shape.normal(back(x)); }
   bool contains(const Vec<Dim>& x) const override { return shape.contains(back(x)); }
   BoundingBox<Dim> bounds() const override {

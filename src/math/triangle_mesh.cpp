@@ -39,9 +39,9 @@ Real box_distance2(const Vec<3>& x, const Vec<3>& lower, const Vec<3>& upper) {
 
 // Turns of the edge from a to b around (x, y), seen along z: +1, -1 or 0 by whether it crosses the ray in +x.
 // Both triangles at an edge get opposite values, whatever the roundoff, since the corners are taken in a
-// fixed order.
-int crossing(const Vec<3>& x, std::int32_t number_a, std::int32_t number_b, const Vec<3>& a,
-             const Vec<3>& b) {
+// fixed order, and one compiled copy rounds alike.
+[[gnu::noinline]] int crossing(const Vec<3>& x, std::int32_t number_a, std::int32_t number_b, const Vec<3>& a,
+                               const Vec<3>& b) {
   if ((a.y() > x.y()) == (b.y() > x.y())) return 0;
   const int way = b.y() > a.y() ? 1 : -1;
   if (x.x() < std::min(a.x(), b.x())) return way;
@@ -58,6 +58,7 @@ struct MeshNode final : ShapeNode<3> {
 
   explicit MeshNode(std::shared_ptr<const TriangleMesh> m) : mesh(std::move(m)) {}
   Real distance(const Vec<3>& x) const override { return mesh->distance(x); }
+  Real bounded_distance(const Vec<3>& x, Real limit) const override { return mesh->distance(x, limit); }
   Vec<3> normal(const Vec<3>& x) const override { return mesh->normal(x); }
   bool contains(const Vec<3>& x) const override { return mesh->contains(x); }
   BoundingBox<3> bounds() const override { return mesh->bounds(); }
@@ -109,7 +110,7 @@ void TriangleMesh::build(std::int32_t first, std::int32_t count, std::vector<Vec
   build(first + half, count - half, centers, order);
 }
 
-TriangleMesh::Nearest TriangleMesh::nearest(const Vec<3>& x) const {
+TriangleMesh::Nearest TriangleMesh::nearest(const Vec<3>& x, Real limit) const {
   struct Entry {
     std::int32_t branch;
     Real distance2;
@@ -117,7 +118,7 @@ TriangleMesh::Nearest TriangleMesh::nearest(const Vec<3>& x) const {
   std::array<Entry, 64> stack;  // a branch halves its triangles, so 32 levels suffice
   std::size_t height = 0;
   Nearest best{Vec<3>::Zero(), -1, 0};
-  Real best2 = std::numeric_limits<Real>::infinity();
+  Real best2 = limit * limit;
   stack[height++] = {0, box_distance2(x, branches_[0].lower, branches_[0].upper)};
   while (height > 0) {
     const Entry entry = stack[--height];
@@ -143,7 +144,7 @@ TriangleMesh::Nearest TriangleMesh::nearest(const Vec<3>& x) const {
     stack[height++] = far;
     stack[height++] = near;
   }
-  best.distance = std::sqrt(best2);
+  best.distance = best.triangle < 0 ? limit : std::sqrt(best2);
   return best;
 }
 
@@ -179,8 +180,8 @@ int TriangleMesh::winding_number(const Vec<3>& x) const {
   return sum;
 }
 
-Real TriangleMesh::distance(const Vec<3>& x) const {
-  const Real size = nearest(x).distance;
+Real TriangleMesh::distance(const Vec<3>& x, Real limit) const {
+  const Real size = nearest(x, limit).distance;
   return contains(x) ? -size : size;
 }
 

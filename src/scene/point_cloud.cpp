@@ -110,8 +110,8 @@ class CloudReader {
       const std::string name(trimmed(cell.substr(0, bracket)));
       const auto found = std::find(names.begin(), names.end(), name);
       const std::string near = nearest_word(name, names);
-      check(found != names.end(), "unknown column \"{}\"; {}.", name,
-            near.empty() ? fmt::format("the columns of a {}D cloud are {}", Dim, fmt::join(names, ", "))
+      check(found != names.end(), "unknown column \"{}\"; {}", name,
+            near.empty() ? fmt::format("the columns of a {}D cloud are {}.", Dim, fmt::join(names, ", "))
                          : fmt::format("did you mean \"{}\"?", near));
       check(seen.insert(name).second, "the column \"{}\" appears twice; remove one.", name);
       Column column = known[static_cast<std::size_t>(found - names.begin())];

@@ -124,8 +124,8 @@ std::vector<Vec<Dim>> Seeding<Dim>::particles(GlobalIndex begin_cell, GlobalInde
     }
     // Distances are 1-Lipschitz: most cells are wholly inside or outside.
     const Vec<Dim> center = options_.origin + h * (place.template cast<Real>() + Vec<Dim>::Constant(0.5));
-    const Real distance = shape_.distance(center);
-    if (distance > half_diagonal) continue;
+    const Real distance = shape_.bounded_distance(center, half_diagonal);
+    if (distance >= half_diagonal) continue;
     for (int s = 0; s < options_.particles_per_cell; ++s) {
       LatticePoint sub_cell = place * per_direction_;
       int sub = s;
@@ -135,7 +135,7 @@ std::vector<Vec<Dim>> Seeding<Dim>::particles(GlobalIndex begin_cell, GlobalInde
       }
       const Vec<Dim> x =
           options_.origin + (h / per_direction_) * (sub_cell.template cast<Real>() + Vec<Dim>::Constant(0.5));
-      const bool is_inside = distance < -half_diagonal || shape_.contains(x + shift);
+      const bool is_inside = distance <= -half_diagonal || shape_.contains(x + shift);
       if (is_inside && options_.domain.contains(x)) result.push_back(jittered(x, sub_cell));
     }
   }

@@ -7,6 +7,10 @@
 namespace mpm {
 
 PetscSession::PetscSession(const std::vector<std::string>& options) {
+  PetscBool running = PETSC_FALSE;
+  petsc_check(PetscInitialized(&running), "PetscInitialized");
+  if (running) return;
+  owner_ = true;
   std::vector<std::string> words = {"mpm_hpc", "-no_signal_handler"};  // SIGTERM means a checkpoint here
   words.insert(words.end(), options.begin(), options.end());
   std::vector<char*> pointers;
@@ -20,6 +24,7 @@ PetscSession::PetscSession(const std::vector<std::string>& options) {
 }
 
 PetscSession::~PetscSession() {
+  if (!owner_) return;
   PetscPopErrorHandler();
   PetscFinalize();
 }

@@ -59,6 +59,7 @@ struct State {
   std::int64_t step = 0;
   StepLimits limits;
   Real drift = 0;  // bound of the particles' way since the last sort [m]
+  bool stop_requested = false;  // by a signal: on this rank before a step, on any rank after it
   Ledger ledger;   // "external_work" [J] among others
   std::map<std::string, GlobalIndex> guards;  // how often each guard acted on this rank
   std::map<std::string, SolverWork> solvers;          // by name, since the start of the run

@@ -45,6 +45,9 @@ struct Body {
   Index real_particles() const;
 };
 
+// Particles that the kernels handle in one run: the scratch of their stages and the tile stay in L1.
+inline constexpr int chunk_particles = 64;
+
 // Particles per pack, to which each block's range is padded.
 inline int padding_width(Precision p) {
   return p == Precision::single_precision ? pack_width<float> : pack_width<double>;

@@ -16,7 +16,7 @@ struct RestartPoint {
 struct OutputFolderRequest {
   std::filesystem::path folder;
   bool force = false;  // replace the run that is in the folder
-  std::optional<RestartPoint> restart;
+  std::optional<RestartPoint> restart = {};
 };
 
 // Makes the folder ready to be written to:

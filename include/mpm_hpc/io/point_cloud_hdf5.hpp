@@ -3,21 +3,11 @@
 
 #include <filesystem>
 #include <string>
-#include <vector>
 
+#include "mpm_hpc/fields/point_cloud.hpp"
 #include "mpm_hpc/parallel/communicator.hpp"
 
 namespace mpm {
-
-// Rows [first, first + position.size()) of `total`; quantities that the file lacks are empty.
-template <int Dim>
-struct PointCloud {
-  GlobalIndex total = 0, first = 0;
-  std::vector<Vec<Dim>> position;              // [m]
-  std::vector<Vec<Dim>> velocity;              // [m/s]
-  std::vector<Real> volume;                    // [m^3], undeformed
-  std::vector<Mat<Dim>> deformation_gradient;
-};
 
 // Datasets `position` (n x Dim) and, if there, `velocity` (n x Dim), `volume` (n) and `deformation_gradient`
 // (n x Dim x Dim), of any number type. Each rank gets an equal share of the rows. `where` is the place in the scene that

@@ -22,6 +22,10 @@ class ShapeNode {
   virtual Vec<Dim> normal(const Vec<Dim>& x) const = 0;
   virtual BoundingBox<Dim> bounds() const = 0;
   virtual bool contains(const Vec<Dim>& x) const { return distance(x) < 0; }
+  virtual Real bounded_distance(const Vec<Dim>& x, Real limit) const {
+    (void)limit;
+    return distance(x);
+  }
 };
 
 // A solid, immutable and cheap to copy. The distance [m] is negative inside and zero on the surface; it is
@@ -58,6 +62,9 @@ class Shape {
   explicit operator bool() const { return node_ != nullptr; }
   Real distance(const Vec<Dim>& x) const { return node_->distance(x); }
   Vec<Dim> normal(const Vec<Dim>& x) const { return node_->normal(x); }  // outward, length 1
+  // The distance where its size is below the limit, else anything beyond the limit with the right sign: far
+  // cheaper than distance() for meshes.
+  Real bounded_distance(const Vec<Dim>& x, Real limit) const { return node_->bounded_distance(x, limit); }
   bool contains(const Vec<Dim>& x) const { return node_->contains(x); }  // cheaper than distance for meshes
   BoundingBox<Dim> bounds() const { return node_->bounds(); }            // infinite for a plane
 

@@ -38,10 +38,11 @@ namespace detail {
 template <class T, int Width>
 using NativeVector [[gnu::vector_size(Width * sizeof(T))]] = T;
 
-// How many numbers of a pack the machine holds in one register.
+// How many numbers of a pack of Width the machine holds in one register.
 template <class T, int Width>
-inline constexpr int register_width =
-    Eigen::internal::unpacket_traits<typename Eigen::internal::find_best_packet<T, Width>::type>::size;
+inline constexpr int register_width = std::min<int>(
+    Width,
+    Eigen::internal::unpacket_traits<typename Eigen::internal::find_best_packet<T, Width>::type>::size);
 
 // Converts Width numbers, a register at a time.
 template <int Width, class From, class To>

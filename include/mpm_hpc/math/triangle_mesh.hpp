@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <vector>
 
 #include "mpm_hpc/base/types.hpp"
@@ -35,14 +36,15 @@ class TriangleMesh {
 
   struct Nearest {
     Vec<3> point;
-    std::int32_t triangle;
-    Real distance;  // >= 0
+    std::int32_t triangle;  // -1 if there is none within the limit
+    Real distance;          // >= 0; the limit if there is none
   };
-  Nearest nearest(const Vec<3>& x) const;
+  Nearest nearest(const Vec<3>& x, Real limit = std::numeric_limits<Real>::infinity()) const;
   // How often the surface winds around x: 0 outside, 1 inside, more where parts overlap.
   int winding_number(const Vec<3>& x) const;
   bool contains(const Vec<3>& x) const { return winding_number(x) > 0; }
-  Real distance(const Vec<3>& x) const;  // negative inside
+  // Negative inside; beyond the limit only the sign counts.
+  Real distance(const Vec<3>& x, Real limit = std::numeric_limits<Real>::infinity()) const;
   Vec<3> normal(const Vec<3>& x) const;  // outward, of the nearest point
 
   Real volume() const;

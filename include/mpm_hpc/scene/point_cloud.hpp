@@ -2,21 +2,10 @@
 #pragma once
 
 #include <filesystem>
-#include <vector>
 
-#include "mpm_hpc/base/types.hpp"
+#include "mpm_hpc/fields/point_cloud.hpp"
 
 namespace mpm {
-
-// Columns that the file doesn't have stay empty.
-template <int Dim>
-struct PointCloud {
-  std::vector<Vec<Dim>> positions;   // [m]
-  std::vector<Vec<Dim>> velocities;  // [m/s]
-  std::vector<Real> volumes;         // [m^Dim]
-  std::vector<Mat<Dim>> deformation_gradients;
-  GlobalIndex total = 0;  // rows of the whole file
-};
 
 // A CSV file with a header: x,y,z and optionally vx,vy,vz, volume, F_xx,F_xy,... in any order; in 2D without
 // z. A column may name its unit, as in "x [mm]"; without one it is SI. Empty lines and lines from # on are

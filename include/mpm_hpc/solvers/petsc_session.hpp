@@ -17,6 +17,9 @@ class PetscSession {
 
   // Options that nothing has read so far, with their dash.
   static std::vector<std::string> unused_options();
+
+ private:
+  bool owner_ = false;  // false when PETSc was running already
 };
 
 }  // namespace mpm

@@ -8,9 +8,6 @@
 
 namespace mpm {
 
-// Particles per run of the stages: their scratch and the tile stay in L1.
-inline constexpr int chunk_particles = 64;
-
 // Input of P2G's row stage and output of G2P's for one particle, side by side for quick loads.
 // Row input: node values are q + sum_b (n_b - 1) a[b] at stencil node n, times the weights.
 template <class T>

@@ -23,11 +23,13 @@ Contact read_contact(Parameters& p) {
   std::string condition = "sticky";
   p.choice("condition", condition, contact_condition_names,
            "sticky: no relative motion; slip: none along the normal; separate: as slip, but free to leave.");
-  p.real("friction", contact.friction, {.min = 0, .doc = "Coulomb's friction coefficient, for slip and separate."});
+  p.real("friction", contact.friction,
+         {.min = 0, .doc = "Coulomb's friction coefficient, for slip and separate."});
   contact.condition = contact_condition(condition);
   if (contact.condition == ContactCondition::sticky && contact.friction > 0)
     p.error_at("friction",
-               "friction has no effect on a sticky surface; choose condition = \"slip\" or \"separate\", or drop it.");
+               "friction has no effect on a sticky surface; choose condition = \"slip\" or \"separate\", or "
+               "drop it.");
   return contact;
 }
 

@@ -12,7 +12,8 @@ Ramp Ramp::read(Parameters& p) {
   p.optional_real("stop", stop, {.unit = "s", .doc = "Nothing from this time on; default: never."});
   if (stop) {
     ramp.stop = *stop;
-    if (ramp.stop <= ramp.start) p.error_at("stop", "stop must be later than start; raise it or leave it out.");
+    if (ramp.stop <= ramp.start)
+      p.error_at("stop", "stop must be later than start; raise it or leave it out.");
   }
   return ramp;
 }
@@ -28,7 +29,8 @@ Real Ramp::progress(Real t) const {
 }
 
 Real Ramp::mean(Real t, Real dt) const {
-  // Between the kinks it is the factor half-way, free of the cancellation in the difference of two late times.
+  // Between the kinks it is the factor half-way, free of the cancellation in the difference of two late
+  // times.
   const bool constant = t >= start + rise && t + dt <= stop;
   if (dt <= 0 || constant) return factor(t);
   return (progress(t + dt) - progress(t)) / dt;

@@ -11,11 +11,13 @@ std::string numbered_name(const Parameters& p, const std::string& kind) {
 
 std::string read_effect_name(Parameters& p, const std::string& kind) {
   std::optional<std::string> given;
-  p.optional_text("name", given,
-                  {.doc = "Unique; names the history's columns reaction_NAME_x, ... Default: " + kind + "_0, ..."});
+  p.optional_text(
+      "name", given,
+      {.doc = "Unique; names the history's columns reaction_NAME_x, ... Default: " + kind + "_0, ..."});
   const std::string name = given.value_or(numbered_name(p, kind));
-  const bool valid = !name.empty() && name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                                             "0123456789_-") == std::string::npos;
+  const bool valid = !name.empty() && name.find_first_not_of(
+                                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                          "0123456789_-") == std::string::npos;
   if (!valid) p.error_at("name", fmt::format("name \"{}\" must consist of letters, digits, _ and -.", name));
   return name;
 }
@@ -23,7 +25,8 @@ std::string read_effect_name(Parameters& p, const std::string& kind) {
 template <int Dim>
 void Reaction<Dim>::declare(State<Dim>& state) const {
   require(!state.ledger.entries().contains(impulse_entry(0)),
-          "{}: another effect is already called \"{}\"; give each obstacle and grip a name of its own.", where_, name_);
+          "{}: another effect is already called \"{}\"; give each obstacle and grip a name of its own.",
+          where_, name_);
   state.ledger["external_work"];
   for (int a = 0; a < Dim; ++a) state.ledger[impulse_entry(a)] = 0;
 }

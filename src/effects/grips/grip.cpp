@@ -28,7 +28,8 @@ Grip<Dim>::Grip(Parameters& p) : reaction_(read_effect_name(p, "grip"), p.where(
       prescribed_[a] = true;
     }
   }
-  if (directions.empty()) p.error_at("directions", "the grip prescribes no direction; name one or drop the key.");
+  if (directions.empty())
+    p.error_at("directions", "the grip prescribes no direction; name one or drop the key.");
 }
 
 template <int Dim>

@@ -13,12 +13,16 @@ namespace mpm {
 template <int Dim>
 Traction<Dim>::Traction(Parameters& p)
     : name_(numbered_name(p, "traction")), where_shape_(p.where("shape")), where_bodies_(p.where("bodies")) {
-  declare_shape<Dim>(p, "shape", shape_, true, "Region that covers the loaded layer of particles at the start.");
+  declare_shape<Dim>(p, "shape", shape_, true,
+                     "Region that covers the loaded layer of particles at the start.");
   if (shape_ && shape_.bounds().is_empty()) p.error_at("shape", "the shape is empty; give it a size.");
   p.text_list("bodies", body_names_, {.doc = "Names of the loaded bodies. Default: all."});
   p.vector<Dim>("traction", traction_, {.unit = "Pa", .required = true, .doc = "Force per undeformed area."});
   p.real("area", area_,
-         {.unit = Dim == 2 ? "m" : "m^2", .min = 0, .min_exclusive = true, .required = true,
+         {.unit = Dim == 2 ? "m" : "m^2",
+          .min = 0,
+          .min_exclusive = true,
+          .required = true,
           .doc = Dim == 2 ? "Length of the loaded surface." : "Area of the loaded surface."});
   ramp_ = Ramp::read(p);
 }
@@ -40,8 +44,11 @@ void Traction<Dim>::declare_fields(State<Dim>& state) {
             "{}: there is no body \"{}\"; the bodies are {}.", where_bodies_, name, fmt::join(known, ", "));
   marks_.assign(state.bodies.size(), no_field);
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
-    if (!body_names_.empty() && std::find(body_names_.begin(), body_names_.end(), known[b]) == body_names_.end()) continue;
-    marks_[b] = state.bodies[b].particles.add({.name = name_, .units = "1", .type = real_type(state.precision)});
+    if (!body_names_.empty() &&
+        std::find(body_names_.begin(), body_names_.end(), known[b]) == body_names_.end())
+      continue;
+    marks_[b] =
+        state.bodies[b].particles.add({.name = name_, .units = "1", .type = real_type(state.precision)});
   }
 }
 
@@ -86,8 +93,8 @@ void Traction<Dim>::measure(State<Dim>& state) {
   std::vector<CompensatedSum> sums = {sum};
   state.communicator().sum(sums);
   volume_ = sums[0].value();
-  require(volume_ > 0, "{}: no particle of the loaded bodies lies in the shape of {}; move or enlarge it.", where_shape_,
-          name_);
+  require(volume_ > 0, "{}: no particle of the loaded bodies lies in the shape of {}; move or enlarge it.",
+          where_shape_, name_);
 }
 
 template <int Dim>

@@ -22,7 +22,8 @@ Walls<Dim>::Walls(Parameters& p) : reaction_("walls", p.where()) {
     sides_[side] = Contact{contact_condition(condition)};
     any_sliding = any_sliding || sides_[side]->condition != ContactCondition::sticky;
   }
-  p.real("friction", friction, {.min = 0, .doc = "Coulomb's friction coefficient of all slip and separate sides."});
+  p.real("friction", friction,
+         {.min = 0, .doc = "Coulomb's friction coefficient of all slip and separate sides."});
   for (auto& side : sides_)
     if (side && side->condition != ContactCondition::sticky) side->friction = friction;
   if (!any)
@@ -70,8 +71,8 @@ void Walls<Dim>::act(State<Dim>& state) {
       const IntVec<Dim> first = state.topology().first_node(s);
       bool touched = false;
       for (int side = 0; side < 2 * Dim; ++side)
-        touched = touched ||
-                  (sides_[side] && reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0)));
+        touched =
+            touched || (sides_[side] && reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0)));
       if (!touched) continue;
       for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
         Vec<Dim> velocity;

@@ -224,6 +224,9 @@ TEST(Parameters, ErrorsNamePlaceAndRemedy) {
 TEST(Parameters, TheFirstOfSeveralErrorsIsReported) {
   EXPECT_EQ(fault(with_line(12, "poisson_ratio = 3\ndensity = -1")).rfind("plate.toml:12:17", 0), 0u);
   EXPECT_EQ(fault(with_line(12, "toughnes = 3\ndensity = -1")).rfind("plate.toml:12:1:", 0), 0u);
+  // The file comes before the overrides.
+  EXPECT_EQ(
+      fault(with_line(12, "density = -1"), {"material.glass.toughness=-1"}).rfind("plate.toml:12:11", 0), 0u);
   // An error found before a cross-check hides it: the check worked on a default.
   EXPECT_EQ(fault(with_line(10, "end = -1\ndt = 2")).rfind("plate.toml:10:7", 0), 0u);
 }

@@ -100,11 +100,13 @@ void check_velocity_is_the_derivative_of_the_pose() {
   const Vec<Dim> point = Vec<Dim>::LinSpaced(0.5, 0.8);
   for (const Real t : {0.3, 1.1}) {
     const Real e = 1e-5;
-    const Vec<Dim> rate = (motion.pose(t + e).from_shape(point) - motion.pose(t - e).from_shape(point)) / (2 * e);
+    const Vec<Dim> rate =
+        (motion.pose(t + e).from_shape(point) - motion.pose(t - e).from_shape(point)) / (2 * e);
     EXPECT_LT((motion.step(t, 0).velocity_at(motion.pose(t).from_shape(point)) - rate).norm(), 1e-9);
   }
   // The centre's mean velocity is exact over any step.
-  const Vec<Dim> way = motion.pose(0.9).from_shape(options.center) - motion.pose(0).from_shape(options.center);
+  const Vec<Dim> way =
+      motion.pose(0.9).from_shape(options.center) - motion.pose(0).from_shape(options.center);
   const RigidStep<Dim> step = motion.step(0, 0.9);
   EXPECT_LT((0.9 * step.velocity_at(step.center) - way).norm(), 1e-15);
 }
@@ -134,24 +136,27 @@ void expect_fault(const std::string& message, const std::string& place, const st
 TEST(EffectTables, FaultsAreToldWithTheirPlace) {
   const std::string shape = "shape = {type = \"sphere\", center = [0, 0], radius = 1}\n";
   EXPECT_EQ(fault_of<Obstacle<2>>("obstacle", shape + "name = \"tup-1\""), "");
-  expect_fault(fault_of<Obstacle<2>>("obstacle", shape + "condition = \"slip\"\nfriction = -1"), "scene.toml:4:",
-               "friction");
+  expect_fault(fault_of<Obstacle<2>>("obstacle", shape + "condition = \"slip\"\nfriction = -1"),
+               "scene.toml:4:", "friction");
   expect_fault(fault_of<Obstacle<2>>("obstacle", shape + "friction = 0.1"), "scene.toml:3:", "sticky");
   expect_fault(fault_of<Obstacle<2>>("obstacle", shape + "name = \"a,b\""), "scene.toml:3:", "letters");
   expect_fault(fault_of<Obstacle<2>>("obstacle", shape + "start = 2\nstop = 1"), "scene.toml:4:", "later");
   expect_fault(fault_of<Obstacle<2>>("obstacle", shape + "center = [1]"), "scene.toml:3:", "center");
   expect_fault(fault_of<Obstacle<2>>("obstacle", "velocity = [1, 0]"), "scene.toml:1:", "shape");
-  expect_fault(fault_of<Obstacle<2>>("obstacle", "shape = {type = \"plane\", point = [0, 0], normal = [0, 1]}\n"
-                                                 "angular_velocity = \"3 rpm\""),
+  expect_fault(fault_of<Obstacle<2>>("obstacle",
+                                     "shape = {type = \"plane\", point = [0, 0], normal = [0, 1]}\n"
+                                     "angular_velocity = \"3 rpm\""),
                "scene.toml:3:", "center");
   expect_fault(fault_of<Grip<2>>("grip", shape + "directions = [\"z\"]"), "scene.toml:3:", "\"x\" and \"y\"");
   expect_fault(fault_of<Grip<2>>("grip", shape + "directions = []"), "scene.toml:3:", "no direction");
-  expect_fault(fault_of<Traction<2>>("traction", shape + "traction = [0, 1]\narea = 0"), "scene.toml:4:", "area");
+  expect_fault(fault_of<Traction<2>>("traction", shape + "traction = [0, 1]\narea = 0"),
+               "scene.toml:4:", "area");
   expect_fault(fault_of<Traction<2>>("traction", shape + "area = 1"), "scene.toml:1:", "traction");
   expect_fault(fault_of<Walls<2>>("walls", "x_min = \"none\""), "scene.toml:1:", "no side");
   expect_fault(fault_of<Walls<2>>("walls", "z_min = \"slip\"\nx_min = \"slip\""), "scene.toml:2:", "z_min");
   expect_fault(fault_of<Walls<2>>("walls", "x_min = \"sticky\"\nfriction = 0.2"), "scene.toml:3:", "sticky");
-  expect_fault(fault_of<Gravity<2>>("gravity", "acceleration = [0, 0, -9.81]"), "scene.toml:2:", "acceleration");
+  expect_fault(fault_of<Gravity<2>>("gravity", "acceleration = [0, 0, -9.81]"),
+               "scene.toml:2:", "acceleration");
 }
 
 TEST(EffectTables, AreDescribed) {
@@ -162,7 +167,8 @@ TEST(EffectTables, AreDescribed) {
   p.section("walls", [&](Parameters& q) { Walls<3>{q}; });
   p.section("gravity", [&](Parameters& q) { Gravity<3>{q}; });
   const std::string text = p.describe_text();
-  for (const char* key : {"friction", "directions", "z_max", "acceleration", "angular_velocity", "area", "ramp"})
+  for (const char* key :
+       {"friction", "directions", "z_max", "acceleration", "angular_velocity", "area", "ramp"})
     EXPECT_NE(text.find(key), std::string::npos) << key;
 }
 

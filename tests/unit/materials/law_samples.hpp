@@ -2,8 +2,8 @@
 #pragma once
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <cmath>
 #include <random>
 #include <string>
@@ -62,9 +62,14 @@ Mat<Dim> random_matrix(std::mt19937& generator) {
 
 template <int Dim>
 Mat<Dim> random_rotation(std::mt19937& generator) {
-  Mat<Dim> q = Eigen::HouseholderQR<Mat<Dim>>(random_matrix<Dim>(generator)).householderQ();
-  if (q.determinant() < 0) q.col(0) *= -1;
-  return q;
+  std::normal_distribution<double> normal;
+  if constexpr (Dim == 2) {
+    return Eigen::Rotation2Dd(3 * normal(generator)).toRotationMatrix();
+  } else {
+    return Eigen::Quaterniond(Eigen::Vector4d::NullaryExpr([&] { return normal(generator); }))
+        .normalized()
+        .toRotationMatrix();
+  }
 }
 
 template <int Dim>
@@ -119,15 +124,14 @@ Mat<Dim> principal_moduli(const Stress& stress, const Vec<Dim>& s) {
   return A;
 }
 
-template <int Dim>
-double largest_eigenvalue(const Mat<Dim>& a) {
-  return Eigen::SelfAdjointEigenSolver<Mat<Dim>>(0.5 * (a + a.transpose())).eigenvalues().maxCoeff();
+inline double largest_eigenvalue(const Eigen::MatrixXd& a) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(0.5 * (a + a.transpose())).eigenvalues().maxCoeff();
 }
 
 // The Dim^2 x Dim^2 matrix of a linear map of matrices, column-major in both.
 template <int Dim, class Map>
-Eigen::Matrix<double, Dim * Dim, Dim * Dim> matrix_of(const Map& map) {
-  Eigen::Matrix<double, Dim * Dim, Dim * Dim> m;
+Eigen::MatrixXd matrix_of(const Map& map) {
+  Eigen::MatrixXd m(Dim * Dim, Dim * Dim);
   for (int k = 0; k < Dim * Dim; ++k) {
     Mat<Dim> unit = Mat<Dim>::Zero();
     unit.data()[k] = 1;

@@ -46,20 +46,21 @@ template <class... Laws>
 LawList<Laws..., Springs<3>> with_springs(LawList<Laws...>);
 using ExtendedList = decltype(with_springs(MaterialList<3>{}));
 
-template <int Dim, class List>
-std::unique_ptr<Material<Dim>> read(const std::string& table, List list) {
+template <int Dim, class Make>
+std::unique_ptr<Material<Dim>> read(const std::string& table, const Make& make) {
   Parameters parameters = Parameters::read_text("[material.glass]\n" + table, "plate.toml");
   std::unique_ptr<Material<Dim>> material;
-  parameters.named_sections("material", [&](Parameters& p, const std::string& name) {
-    material = make_material_among<Dim>(list, p, name);
-  });
+  parameters.named_sections("material",
+                            [&](Parameters& p, const std::string& name) { material = make(p, name); });
   parameters.finish();
   return material;
 }
-
 template <int Dim>
 std::unique_ptr<Material<Dim>> read(const std::string& table) {
-  return read<Dim>(table, MaterialList<Dim>{});
+  return read<Dim>(table, make_material<Dim>);
+}
+std::unique_ptr<Material<3>> make_extended(Parameters& parameters, const std::string& name) {
+  return make_material_among<3>(ExtendedList{}, parameters, name);
 }
 
 std::string message_of(const std::string& table) {
@@ -149,7 +150,7 @@ TEST(MaterialFactoryTest, NamesTheModelsThatWouldDo) {
 TEST(MaterialFactoryTest, DescribesEveryModel) {
   Parameters parameters = Parameters::describe();
   parameters.named_sections("material", [&](Parameters& p, const std::string& name) {
-    EXPECT_EQ(make_material_among<3>(ExtendedList{}, p, name), nullptr);
+    EXPECT_EQ(make_extended(p, name), nullptr);
   });
   const std::string text = parameters.describe_text();
   for (const char* word : {"neo_hookean", "split_neo_hookean", "springs", "youngs_modulus", "spring_modulus",
@@ -159,7 +160,7 @@ TEST(MaterialFactoryTest, DescribesEveryModel) {
 
 TEST(MaterialFactoryTest, ANewLawIsOneFileAndOneLine) {
   const auto material =
-      read<3>("model = \"springs\"\ndensity = 1000\nspring_modulus = \"2 kPa\"\n", ExtendedList{});
+      read<3>("model = \"springs\"\ndensity = 1000\nspring_modulus = \"2 kPa\"\n", make_extended);
   EXPECT_STREQ(material->model(), "springs");
   EXPECT_FALSE(material->splits_energy());
   EXPECT_FALSE(material->has_tangent());

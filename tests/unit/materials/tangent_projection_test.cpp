@@ -16,7 +16,7 @@ TYPED_TEST_SUITE(TangentProjectionTest, Laws);
 
 TYPED_TEST(TangentProjectionTest, IsTheSemiDefinitePartOfTheTangent) {
   constexpr int dim = Traits<TypeParam>::dim;
-  using Full = Eigen::Matrix<double, dim * dim, dim * dim>;
+  using Full = Eigen::MatrixXd;
   const auto law = Traits<TypeParam>::law();
   int definite = 0, indefinite = 0;
   auto samples = sample_deformations<dim>();

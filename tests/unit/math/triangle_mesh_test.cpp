@@ -85,6 +85,19 @@ TEST(TriangleMesh, CubeEqualsBox) {
     EXPECT_NEAR(mesh.distance(x), box.distance(x), 1e-14);
     EXPECT_NEAR(mesh.distance(x - mesh.distance(x) * mesh.normal(x)), 0, 1e-13);
   }
+  // Within a limit the distance is the same, beyond it the sign.
+  const auto shape = Shape<3>::mesh(std::make_shared<const TriangleMesh>(cube()));
+  const auto moved = Shape<3>::union_of({shape.translated({0.5, 0, 0}), shape});
+  for (int i = 0; i < 5000; ++i) {
+    const Vec<3> x(uniform(generator), uniform(generator), uniform(generator));
+    const Real d = moved.distance(x), bounded = moved.bounded_distance(x, 0.1);
+    if (std::abs(d) < 0.1) {
+      EXPECT_DOUBLE_EQ(bounded, d);
+    } else {
+      EXPECT_GE(std::abs(bounded), 0.1);
+      EXPECT_EQ(bounded < 0, d < 0);
+    }
+  }
   // Rays through edges and corners: lattice points of the cube's own coordinates.
   for (int i = -2; i <= 6; ++i)
     for (int j = -2; j <= 6; ++j)

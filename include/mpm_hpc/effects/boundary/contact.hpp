@@ -17,8 +17,8 @@ struct Contact {
   ContactCondition condition = ContactCondition::sticky;
   Real friction = 0;  // Coulomb's coefficient, on slip and separate
 
-  // The velocity after contact, both relative to the surface; the normal points from the surface to the material
-  // (physics.md section 2).
+  // The velocity after contact, both relative to the surface; the normal points from the surface to the
+  // material (physics.md section 2).
   template <int Dim>
   Vec<Dim> apply(const Vec<Dim>& normal, const Vec<Dim>& velocity) const {
     if (condition == ContactCondition::sticky) return Vec<Dim>::Zero();

@@ -8,7 +8,8 @@
 
 namespace mpm {
 
-// A factor that rises linearly from 0 at `start` to 1 at `start + rise`, and falls back to 0 at `stop`; times in [s].
+// A factor that rises linearly from 0 at `start` to 1 at `start + rise`, and falls back to 0 at `stop`; times
+// in [s].
 struct Ramp {
   Real start = 0, rise = 0;
   Real stop = std::numeric_limits<Real>::infinity();

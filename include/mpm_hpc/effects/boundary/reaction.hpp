@@ -12,7 +12,8 @@ namespace mpm {
 // Number of this entry of an array of tables: "kind_0" for the first [[effect.kind]].
 std::string numbered_name(const Parameters& p, const std::string& kind);
 
-// Reads `name` with numbered_name() as its default. Throws UserError unless it consists of letters, digits, _ and -.
+// Reads `name` with numbered_name() as its default. Throws UserError unless it consists of letters, digits, _
+// and -.
 std::string read_effect_name(Parameters& p, const std::string& kind);
 
 // What one boundary gave to the nodes of this rank during one step.
@@ -35,9 +36,9 @@ struct Exchange {
   }
 };
 
-// The force [N] that a body exerts on the material (minus the force that the material exerts on the body), averaged over
-// the steps since the last history row: columns reaction_NAME_x, ... The impulse since then is in the ledger, as
-// impulse_NAME_x [N s], so that it survives a checkpoint on any number of ranks.
+// The force [N] that a body exerts on the material (minus the force that the material exerts on the body),
+// averaged over the steps since the last history row: columns reaction_NAME_x, ... The impulse since then is
+// in the ledger, as impulse_NAME_x [N s], so that it survives a checkpoint on any number of ranks.
 template <int Dim>
 class Reaction {
  public:

@@ -8,7 +8,8 @@
 
 namespace mpm {
 
-// Where a shape stands: X -> rotation X + offset maps its points as the scene gives them to their present place.
+// Where a shape stands: X -> rotation X + offset maps its points as the scene gives them to their present
+// place.
 template <int Dim>
 struct Pose {
   Mat<Dim> rotation = Mat<Dim>::Identity();
@@ -43,15 +44,16 @@ class RigidMotion {
   RigidMotion() = default;
   explicit RigidMotion(const Options& options);
 
-  // Reads velocity, angular_velocity (a number in 2D), center (default: the middle of the shape's bounding box) and the
-  // ramp. Throws UserError for a rotation of an unbounded shape without a centre.
+  // Reads velocity, angular_velocity (a number in 2D), center (default: the middle of the shape's bounding
+  // box) and the ramp. Throws UserError for a rotation of an unbounded shape without a centre.
   static RigidMotion read(Parameters& p, const Shape<Dim>& shape);
 
   const Options& options() const { return options_; }
   bool at_rest() const { return options_.velocity.isZero(0) && angular_speed_ == 0; }
 
   Pose<Dim> pose(Real t) const;
-  // The mean velocity takes the centre exactly from the pose at t to that at t + dt; for dt = 0 it is the velocity at t.
+  // The mean velocity takes the centre exactly from the pose at t to that at t + dt; for dt = 0 it is the
+  // velocity at t.
   RigidStep<Dim> step(Real t, Real dt) const;
 
   // "at rest" or its velocities, for --explain.

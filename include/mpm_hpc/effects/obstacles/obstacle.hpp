@@ -7,8 +7,8 @@
 
 namespace mpm {
 
-// The contact condition holds for the velocity relative to the obstacle, on the nodes inside the shape in its pose at
-// the start of the step.
+// The contact condition holds for the velocity relative to the obstacle, on the nodes inside the shape in its
+// pose at the start of the step.
 template <int Dim>
 class Obstacle final : public Effect<Dim> {
  public:
@@ -19,7 +19,9 @@ class Obstacle final : public Effect<Dim> {
   void join(StepHooks<Dim>& hooks) override;
   void history(State<Dim>& state, std::vector<HistoryValue>& row) override { reaction_.history(state, row); }
   void save(std::map<std::string, std::vector<Real>>& numbers) const override { reaction_.save(numbers); }
-  void restore(const std::map<std::string, std::vector<Real>>& numbers) override { reaction_.restore(numbers); }
+  void restore(const std::map<std::string, std::vector<Real>>& numbers) override {
+    reaction_.restore(numbers);
+  }
 
  private:
   void act(State<Dim>& state);

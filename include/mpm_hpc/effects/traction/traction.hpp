@@ -7,9 +7,9 @@
 
 namespace mpm {
 
-// A dead load: the particles that lie in a region at the start share the force traction * area in proportion to their
-// initial volume, for all times and in a fixed direction. Sharing a given area, rather than dividing by a given layer
-// thickness, makes the total force exact whatever the sampling.
+// A dead load: the particles that lie in a region at the start share the force traction * area in proportion
+// to their initial volume, for all times and in a fixed direction. Sharing a given area, rather than dividing
+// by a given layer thickness, makes the total force exact whatever the sampling.
 template <int Dim>
 class Traction final : public Effect<Dim> {
  public:
@@ -29,12 +29,12 @@ class Traction final : public Effect<Dim> {
   std::string name_;  // of its particle column: 1 for particles that carry the load, 0 for others
   std::string where_shape_, where_bodies_;
   Shape<Dim> shape_;
-  std::vector<std::string> body_names_;  // empty: all
+  std::vector<std::string> body_names_;   // empty: all
   Vec<Dim> traction_ = Vec<Dim>::Zero();  // [Pa]
   Real area_ = 0;                         // [m^2]; in 2D per unit of depth, [m]
   Ramp ramp_;
-  std::vector<FieldId> marks_;            // by body
-  Real volume_ = 0;                       // initial, of the loaded layer [m^3]; 0 until measured
+  std::vector<FieldId> marks_;  // by body
+  Real volume_ = 0;             // initial, of the loaded layer [m^3]; 0 until measured
 };
 
 }  // namespace mpm

@@ -9,8 +9,8 @@
 
 namespace mpm {
 
-// Acts on the nodes on and beyond each side's plane; where sides meet, one after the other in the order x_min, x_max,
-// y_min, ...
+// Acts on the nodes on and beyond each side's plane; where sides meet, one after the other in the order
+// x_min, x_max, y_min, ...
 template <int Dim>
 class Walls final : public Effect<Dim> {
  public:
@@ -21,10 +21,14 @@ class Walls final : public Effect<Dim> {
   void join(StepHooks<Dim>& hooks) override;
   void history(State<Dim>& state, std::vector<HistoryValue>& row) override { reaction_.history(state, row); }
   void save(std::map<std::string, std::vector<Real>>& numbers) const override { reaction_.save(numbers); }
-  void restore(const std::map<std::string, std::vector<Real>>& numbers) override { reaction_.restore(numbers); }
+  void restore(const std::map<std::string, std::vector<Real>>& numbers) override {
+    reaction_.restore(numbers);
+  }
 
  private:
-  static std::string side_name(int side) { return std::string(1, "xyz"[side / 2]) + (side % 2 ? "_max" : "_min"); }
+  static std::string side_name(int side) {
+    return std::string(1, "xyz"[side / 2]) + (side % 2 ? "_max" : "_min");
+  }
   void act(State<Dim>& state);
 
   std::array<std::optional<Contact>, 2 * Dim> sides_;  // x_min, x_max, y_min, ...

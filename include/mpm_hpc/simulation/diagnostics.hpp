@@ -1,0 +1,21 @@
+// Global sums of the state: the rows of history.csv.
+#pragma once
+
+#include "mpm_hpc/effects/effect.hpp"
+
+namespace mpm {
+
+// One row, the same on all ranks. Sums carry their rounding error along, so that they don't depend on the number of ranks
+// beyond the last digit. Collective.
+template <int Dim>
+std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects);
+
+// Particles of all ranks, without padding. Collective.
+template <int Dim>
+GlobalIndex count_particles(const State<Dim>& state);
+
+// Fields of frames that are no columns: det F and the von Mises equivalent of the Cauchy stress [Pa].
+template <int Dim>
+void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* jacobian, Real* von_mises);
+
+}  // namespace mpm

@@ -1,0 +1,44 @@
+// What a run was and how it went: run.json, the table at its end, and --explain.
+#pragma once
+
+#include <string>
+
+#include "mpm_hpc/effects/effect.hpp"
+#include "mpm_hpc/io/run_json.hpp"
+#include "mpm_hpc/scene/scene.hpp"
+
+namespace mpm {
+
+// Bytes of every array of the simulation on this rank, by what holds them.
+struct MemoryUse {
+  std::size_t particles = 0, grid = 0, blocks_and_halo = 0, effects = 0;
+  std::size_t total() const { return particles + grid + blocks_and_halo + effects; }
+};
+
+template <int Dim>
+MemoryUse memory_use(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects);
+
+// Counters that a run keeps beside its state.
+struct RunTotals {
+  std::int64_t first_step = 0;
+  GlobalIndex particle_steps = 0;  // of all ranks
+  Real loop_seconds = 0;           // in the step loop, output included
+  Real step_seconds = 0;           // in the steps alone
+  Real peak_bytes = 0;             // of all ranks
+};
+
+// Collective.
+template <int Dim>
+RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::string& scene_hash);
+
+// The closing table for the terminal.
+std::string closing_table(const RunReport& report);
+
+// What the scene builds and what it costs. Collective.
+template <int Dim>
+std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects);
+
+// FNV-1a of a text, as 16 hexadecimal digits.
+std::string text_hash(const std::string& text);
+
+}  // namespace mpm

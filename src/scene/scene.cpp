@@ -1,0 +1,171 @@
+#include "mpm_hpc/scene/scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mpm_hpc/base/error.hpp"
+
+namespace mpm {
+
+int read_dimension(Parameters& p) {
+  std::int64_t dimension = 2;
+  p.integer("dimension", dimension, {.min = 2, .max = 3, .required = true, .doc = "Space dimension of the scene."});
+  return static_cast<int>(dimension);
+}
+
+namespace {
+
+template <int Dim>
+void read_domain(Parameters& p, Scene<Dim>& scene) {
+  p.section("domain", SectionOptions("The box that holds every particle.", true), [&](Parameters& q) {
+    q.vector<Dim>("lower", scene.lower, {.unit = "m", .required = true, .doc = "Lower corner."});
+    q.vector<Dim>("upper", scene.upper, {.unit = "m", .required = true, .doc = "Upper corner."});
+    if (!(scene.upper.array() > scene.lower.array()).all())
+      q.error_at("upper", "each component of domain.upper must be larger than that of domain.lower");
+    std::string policy = "stop";
+    q.choice("on_leave", policy, {"stop", "delete", "keep"},
+             "What happens to a particle that leaves: end the run, delete it, or put it back onto the wall.");
+    scene.distribution.leave_policy = policy == "stop"     ? LeavePolicy::stop
+                                      : policy == "delete" ? LeavePolicy::remove
+                                                           : LeavePolicy::keep;
+  });
+  p.section("grid", SectionOptions("The background grid.", true), [&](Parameters& q) {
+    q.real("spacing", scene.spacing,
+           {.unit = "m", .min = 0, .min_exclusive = true, .required = true, .doc = "Edge h of a grid cell."});
+    std::string kernel = "quadratic";
+    q.choice("kernel", kernel, {"quadratic"}, "B-spline of the transfer.");
+    if (q.describing()) return;
+    for (int a = 0; a < Dim; ++a) {
+      const Real blocks = (scene.upper[a] - scene.lower[a]) / scene.spacing / block_side;
+      if (blocks > (1 << 20))
+        q.error_at("spacing", fmt::format("the domain would need {:.3g} blocks in one direction, more than the {} that "
+                                          "are possible; take a larger grid.spacing or a smaller domain",
+                                          blocks, 1 << 20));
+    }
+  });
+}
+
+void read_time(Parameters& p, TimeOptions& time) {
+  p.section("time", SectionOptions("Time integration.", true), [&](Parameters& q) {
+    const RealOptions positive{.unit = "s", .min = 0, .min_exclusive = true};
+    auto with_doc = [&positive](const char* doc) {
+      RealOptions o = positive;
+      o.doc = doc;
+      return o;
+    };
+    q.real("end", time.end, {.unit = "s", .min = 0, .min_exclusive = true, .required = true, .doc = "Time at which the run ends."});
+    q.choice("integrator", time.integrator, {"explicit"}, "Time integrator.");
+    q.real("cfl", time.cfl,
+           {.min = 0, .min_exclusive = true, .max = 1, .doc = "Share of a cell that a wave may cross in one step."});
+    q.optional_real("dt", time.dt, with_doc("Fixed step, used as long as it is stable; default: adaptive."));
+    q.optional_real("max_dt", time.max_dt, with_doc("Upper bound of the adaptive step."));
+    q.optional_integer("max_steps", time.max_steps, {.min = 0, .doc = "Number of steps after which the run ends."});
+  });
+}
+
+void read_output(Parameters& p, OutputOptions& output) {
+  p.section("output", SectionOptions("Frames, history and checkpoints."), [&](Parameters& q) {
+    q.real("every", output.every, {.unit = "s", .min = 0, .doc = "Time between frames; 0: only the first and the last."});
+    q.optional_real("history_every", output.history_every,
+                    {.unit = "s", .min = 0, .doc = "Time between rows of history.csv; default: a tenth of every."});
+    q.optional_real("checkpoint_every", output.checkpoint_every,
+                    {.unit = "s", .min = 0, .min_exclusive = true, .doc = "Time between checkpoints; default: only at the end."});
+    q.boolean("frames", output.frames, {.doc = "Whether frames are written."});
+    q.boolean("checkpoint", output.checkpoint, {.doc = "Whether checkpoints are written, the one at the end included."});
+    q.text_list("fields", output.fields, {.doc = "Fields of the frames; default: those meant for output."});
+    output.fields_where = q.where("fields");
+    q.choice("precision", output.precision, {"single", "double"}, "Precision of the fields in frames.");
+    q.integer("compression", output.compression,
+              {.min = 0, .max = 9, .doc = "Deflate level of the frames; 0 writes much faster."});
+  });
+}
+
+void read_parallel(Parameters& p, DistributionOptions& options) {
+  p.section("parallel", SectionOptions("Distribution over the ranks."), [&](Parameters& q) {
+    q.real("rebalance_threshold", options.rebalance_threshold,
+           {.min = 1, .doc = "Largest over mean load of a rank past which the blocks are partitioned anew."});
+    std::string weights = "count";
+    q.choice("weights", weights, {"count", "time"},
+             "Load of a block: its particles, or these times the measured time, which differs from run to run.");
+    options.weigh_by_time = weights == "time";
+  });
+}
+
+template <int Dim>
+void read_materials(Parameters& p, Scene<Dim>& scene) {
+  p.named_sections("material", SectionOptions("A material, named by its table.", true),
+                   [&](Parameters& q, const std::string& name) {
+                     auto material = make_material<Dim>(q, name);
+                     if (material) scene.materials.push_back(std::move(material));
+                   });
+}
+
+template <int Dim>
+void read_bodies(Parameters& p, Scene<Dim>& scene) {
+  p.section_list("body", SectionOptions("A body of one material.", true), [&](Parameters& q, int i) {
+    BodyDefinition<Dim> body;
+    body.where = q.where();
+    body.name = fmt::format("body_{}", i);
+    q.text("name", body.name, {.doc = "Name in outputs and messages; default body_0, body_1, ..."});
+    q.text("material", body.material, {.required = true, .doc = "Name of its [material.NAME] table."});
+    const bool shaped = declare_shape<Dim>(q, "shape", body.shape, false, "Solid that is filled with particles.");
+    const bool clouded =
+        q.text("point_cloud", body.cloud, {.doc = "File of particles instead of a shape: CSV, or HDF5 (.h5, .hdf5)."});
+    body.cloud_where = q.where("point_cloud");
+    body.seeding.origin = scene.lower;
+    body.seeding.spacing = scene.spacing;
+    body.seeding.seed = scene.seed + static_cast<std::uint64_t>(i);
+    declare_seeding<Dim>(q, body.seeding);
+    q.vector<Dim>("velocity", body.velocity, {.unit = "m/s", .doc = "Velocity at the start."});
+    if constexpr (Dim == 2) {
+      q.real("angular_velocity", body.angular_velocity[2], {.unit = "rad/s", .doc = "Spin at the start."});
+    } else {
+      q.vector<3>("angular_velocity", body.angular_velocity, {.unit = "rad/s", .doc = "Spin at the start."});
+    }
+    q.optional_vector<Dim>("centre", body.centre, {.unit = "m", .doc = "Point about which it spins; default: the middle of its bounds."});
+    if (q.describing()) return;
+    if (shaped == clouded)
+      q.error_at("shape", fmt::format("body \"{}\" needs either a shape or a point_cloud", body.name));
+    if (clouded) body.cloud = q.resolve(body.cloud).string();
+    const auto known = std::find_if(scene.materials.begin(), scene.materials.end(),
+                                    [&](const auto& m) { return m->name() == body.material; });
+    if (known == scene.materials.end()) {
+      std::string names;
+      for (const auto& m : scene.materials) names += (names.empty() ? "" : ", ") + m->name();
+      q.error_at("material", fmt::format("there is no [material.{}]; the scene has: {}", body.material, names));
+    }
+    for (const auto& other : scene.bodies)
+      if (other.name == body.name) q.error_at("name", fmt::format("two bodies are named \"{}\"; rename one", body.name));
+    scene.bodies.push_back(std::move(body));
+  });
+}
+
+}  // namespace
+
+template <int Dim>
+Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effects) {
+  Scene<Dim> scene;
+  scene.text = p.scene_text();
+  scene.where = p.file_name();
+  p.text("title", scene.title, {.doc = "What the scene shows."});
+  std::string precision = "double";
+  p.choice("precision", precision, {"double", "single"},
+           "Type of particle and grid values; positions are double in either case.");
+  scene.precision = precision == "single" ? Precision::single_precision : Precision::double_precision;
+  p.integer("seed", scene.seed, {.min = 0, .doc = "Seed of everything random (jitter)."});
+  read_domain(p, scene);
+  read_time(p, scene.time);
+  read_output(p, scene.output);
+  read_parallel(p, scene.distribution);
+  read_materials(p, scene);
+  read_bodies(p, scene);
+  scene.effects = read_effects(p, effects);
+  p.finish();
+  scene.distribution.precision = scene.precision;
+  return scene;
+}
+
+template Scene<2> read_scene<2>(Parameters&, const std::vector<EffectEntry<2>>&);
+template Scene<3> read_scene<3>(Parameters&, const std::vector<EffectEntry<3>>&);
+
+}  // namespace mpm

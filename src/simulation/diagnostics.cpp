@@ -1,0 +1,169 @@
+#include "mpm_hpc/simulation/diagnostics.hpp"
+
+#include <cmath>
+
+#include "mpm_hpc/math/bspline.hpp"
+#include "mpm_hpc/time/material_access.hpp"
+
+namespace mpm {
+
+namespace {
+
+constexpr const char* axis_names[] = {"x", "y", "z"};
+
+// What a rank's particles add to the sums; the order is that of history_row.
+template <int Dim>
+struct Sums {
+  CompensatedSum mass, momentum[Dim], angular[3], kinetic, elastic;
+
+  template <class T>
+  void add_body(const State<Dim>& state, std::size_t number) {
+    const Body<Dim>& body = state.bodies[number];
+    const FieldSet& f = body.particles;
+    const DeformationColumns<Dim, T> columns(f);
+    const Degradation& degradation = state.degradation[number];
+    const T* phase = degradation.phase == no_field ? nullptr : f.template data<T>(degradation.phase);
+    // APIC particles carry angular momentum in their gradient: L = x x m v + m (B^T : eps), B = C D.
+    const Real inertia = std::pow(state.geometry().spacing(), 2) / QuadraticKernel::inverse_inertia;
+    alignas(64) T energy[chunk_particles];
+    for (const BlockRange& range : body.ranges)
+      for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
+        const Index end = std::min<Index>(begin + chunk_particles, range.end);
+        state.material_of(number).energy_density(columns.F, phase, static_cast<T>(degradation.residual), begin, end,
+                                                 energy);
+        for (Index p = begin; p < end; ++p) {
+          if (body.is_padding(p)) continue;
+          const Real m = f.template data<T>(core::mass)[p];
+          Vec<3> x = Vec<3>::Zero(), v = Vec<3>::Zero();
+          Eigen::Matrix3d C = Eigen::Matrix3d::Zero();
+          for (int a = 0; a < Dim; ++a) {
+            x[a] = f.template data<Real>(core::position, a)[p];
+            v[a] = f.template data<T>(core::velocity, a)[p];
+            for (int b = 0; b < Dim; ++b) C(a, b) = f.template data<T>(core::velocity_gradient, a * Dim + b)[p];
+            momentum[a].add(m * v[a]);
+          }
+          mass.add(m);
+          for (int c = 0; c < 3; ++c) {
+            const int a = (c + 1) % 3, b = (c + 2) % 3;
+            angular[c].add(m * (x[a] * v[b] - x[b] * v[a] + inertia * (C(b, a) - C(a, b))));
+          }
+          kinetic.add(0.5 * m * v.squaredNorm());
+          elastic.add(static_cast<Real>(f.template data<T>(core::volume)[p]) * energy[p - begin]);
+        }
+      }
+  }
+};
+
+}  // namespace
+
+template <int Dim>
+GlobalIndex count_particles(const State<Dim>& state) {
+  GlobalIndex count = 0;
+  for (const auto& body : state.bodies) count += body.real_particles();
+  return state.communicator().sum(count);
+}
+
+template <int Dim>
+std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects) {
+  using Kind = HistoryValue::Kind;
+  // Effects first: they may have to sort, which changes what the rest reads.
+  std::vector<HistoryValue> of_effects;
+  for (const auto& effect : effects) effect->history(state, of_effects);
+  Sums<Dim> sums;
+  with_precision(state.precision, [&](auto zero) {
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) sums.template add_body<decltype(zero)>(state, b);
+  });
+  std::vector<CompensatedSum> exact = {sums.mass};
+  for (const auto& s : sums.momentum) exact.push_back(s);
+  for (const auto& s : sums.angular) exact.push_back(s);
+  exact.insert(exact.end(), {sums.kinetic, sums.elastic, {state.ledger["external_work"], 0}});
+  std::vector<Real> lowest, highest;
+  for (const HistoryValue& v : of_effects) {
+    if (v.kind == Kind::sum) exact.push_back({v.value, 0});
+    if (v.kind == Kind::min) lowest.push_back(v.value);
+    if (v.kind == Kind::max) highest.push_back(v.value);
+  }
+  const Communicator& communicator = state.communicator();
+  communicator.sum(exact);
+  communicator.min(lowest);
+  communicator.max(highest);
+
+  std::vector<HistoryValue> row;
+  std::size_t next = 0;
+  auto put = [&row](std::string name, std::string unit, Real value) {
+    row.push_back({std::move(name), std::move(unit), value});
+  };
+  put("step", "1", static_cast<Real>(state.step));
+  put("time", "s", state.time);
+  put("dt", "s", state.dt);
+  put("particles", "1", static_cast<Real>(count_particles(state)));
+  put("mass", "kg", exact[next++].value());
+  for (int a = 0; a < Dim; ++a) put(fmt::format("momentum_{}", axis_names[a]), "kg m/s", exact[next++].value());
+  for (int a = 0; a < 3; ++a, ++next)
+    if (Dim == 3 || a == 2) put(fmt::format("angular_momentum_{}", axis_names[a]), "kg m^2/s", exact[next].value());
+  Real energy = exact[next].value() + exact[next + 1].value();
+  put("kinetic_energy", "J", exact[next++].value());
+  put("elastic_energy", "J", exact[next++].value());
+  const Real work = exact[next++].value();
+  std::size_t low = 0, high = 0;
+  for (HistoryValue& v : of_effects)
+    v.value = v.kind == Kind::sum ? exact[next++].value() : v.kind == Kind::min ? lowest[low++] : highest[high++];
+  for (const HistoryValue& v : of_effects)
+    if (v.name.ends_with("_energy")) {
+      row.push_back(v);
+      energy += v.value;
+    }
+  // The first row's energy is what the balance starts from; rank 0 keeps it with the other sums.
+  if (!state.ledger.entries().contains("initial_energy"))
+    state.ledger["initial_energy"] = communicator.root() ? energy - work : 0.0;
+  put("external_work", "J", work);
+  put("energy_residual", "J", energy - work - communicator.sum(state.ledger["initial_energy"]));
+  put("min_J", "1", state.limits.min_jacobian);
+  put("max_speed", "m/s", state.limits.kinematic.speed);
+  for (const HistoryValue& v : of_effects)
+    if (!v.name.ends_with("_energy")) row.push_back(v);
+  put("imbalance", "1", state.distribution.imbalance());
+  return row;
+}
+
+template <int Dim>
+void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* jacobian,
+                      Real* von_mises) {
+  constexpr int components = SymTensor<Real, Dim>::size;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    const MaterialStress<Dim, T> source(state, body);
+    const DeformationColumns<Dim, T> columns(state.bodies[body].particles);
+    alignas(64) T storage[components][chunk_particles];
+    T* tau[components];
+    for (int c = 0; c < components; ++c) tau[c] = storage[c];
+    for (Index start = begin; start < end; start += chunk_particles) {
+      const Index stop = std::min<Index>(start + chunk_particles, end);
+      source.kirchhoff_stress(start, stop, tau);
+      for (Index p = start; p < stop; ++p) {
+        Tensor<Real, Dim> F;
+        for (int c = 0; c < Dim * Dim; ++c) F.m[c] = columns.F[c][p];
+        const Real J = determinant(F);
+        Real pressure = 0, squares = 0;
+        for (int a = 0; a < Dim; ++a) pressure += storage[SymTensor<Real, Dim>::index(a, a)][p - start] / Dim;
+        for (int a = 0; a < Dim; ++a)
+          for (int b = 0; b < Dim; ++b) {
+            const Real s = storage[SymTensor<Real, Dim>::index(a, b)][p - start] - (a == b ? pressure : 0);
+            squares += s * s;
+          }
+        jacobian[p - begin] = J;
+        von_mises[p - begin] = std::sqrt(1.5 * squares) / J;
+      }
+    }
+  });
+}
+
+#define MPM_INSTANTIATE(Dim)                                                                                        \
+  template GlobalIndex count_particles<Dim>(const State<Dim>&);                                                     \
+  template std::vector<HistoryValue> history_row<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
+  template void frame_quantities<Dim>(const State<Dim>&, std::size_t, Index, Index, Real*, Real*);
+MPM_INSTANTIATE(2)
+MPM_INSTANTIATE(3)
+#undef MPM_INSTANTIATE
+
+}  // namespace mpm

@@ -1,0 +1,170 @@
+#include "mpm_hpc/simulation/report.hpp"
+
+#include <sys/resource.h>
+
+#include <cstring>
+
+#include "mpm_hpc/simulation/diagnostics.hpp"
+#include "mpm_hpc/simulation/simulation.hpp"
+
+namespace mpm {
+
+std::string text_hash(const std::string& text) {
+  std::uint64_t hash = 0xcbf29ce484222325ull;
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ull;
+  return fmt::format("{:016x}", hash);
+}
+
+template <int Dim>
+MemoryUse memory_use(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects) {
+  MemoryUse use;
+  for (const auto& body : state.bodies)
+    use.particles += body.particles.allocated_bytes() + body.ranges.capacity() * sizeof(BlockRange) +
+                     (body.boundary.capacity() + body.interior.capacity()) * sizeof(int);
+  use.grid = state.fields.allocated_bytes();
+  use.blocks_and_halo = state.distribution.allocated_bytes();
+  for (const auto& effect : effects) use.effects += effect->allocated_bytes();
+  return use;
+}
+
+namespace {
+
+std::vector<std::int64_t> gather_peak_rss(const Communicator& communicator) {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const std::int64_t mine = usage.ru_maxrss * 1024;
+  Communicator::Bytes bytes(sizeof(mine));
+  std::memcpy(bytes.data(), &mine, sizeof(mine));
+  std::vector<std::int64_t> all;
+  for (const auto& part : communicator.gather(bytes)) {
+    all.emplace_back();
+    std::memcpy(&all.back(), part.data(), sizeof(mine));
+  }
+  return all;
+}
+
+}  // namespace
+
+template <int Dim>
+RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::string& scene_hash) {
+  const Communicator& communicator = state.communicator();
+  RunReport report;
+  report.version = version();
+  report.scene_hash = scene_hash;
+  report.ranks = communicator.size();
+  report.dimension = Dim;
+  report.precision = state.precision;
+  report.particles = count_particles(state);
+  report.nodes = communicator.sum(static_cast<GlobalIndex>(state.topology().owned()) * nodes_per_block<Dim>);
+  report.steps = state.step - totals.first_step;
+  report.time = state.time;
+  report.wall_seconds = communicator.max(totals.loop_seconds);
+  const Real step_seconds = communicator.max(totals.step_seconds);
+  if (step_seconds > 0)
+    report.particle_steps_per_second_per_core =
+        static_cast<Real>(totals.particle_steps) / step_seconds / communicator.size();
+  if (report.particles > 0) report.bytes_per_particle = totals.peak_bytes / static_cast<Real>(report.particles);
+  report.peak_rss_bytes = gather_peak_rss(communicator);
+
+  std::vector<Real> least = state.timers.seconds(), mean = least, most = least;
+  communicator.min(least);
+  communicator.sum(mean);
+  communicator.max(most);
+  for (std::size_t s = 0; s < least.size(); ++s)
+    report.stages.push_back({state.timers.names()[s], {least[s], mean[s] / communicator.size(), most[s]}});
+
+  const Halo<Dim>& halo = state.halo();
+  const Halo<Dim>& rows = state.distribution.row_halo();
+  std::vector<Real> traffic = {
+      static_cast<Real>(halo.messages() + rows.messages() + communicator.messages()),
+      static_cast<Real>(halo.bytes() + rows.bytes() + communicator.bytes())};
+  communicator.sum(traffic);
+  if (report.steps > 0) {
+    report.messages_per_step = traffic[0] / static_cast<Real>(report.steps);
+    report.bytes_per_step = traffic[1] / static_cast<Real>(report.steps);
+  }
+  report.imbalance = state.distribution.imbalance();
+  for (const auto& [name, work] : state.solvers) report.solver_iterations[name] = work.iterations;
+  std::map<std::string, GlobalIndex> guards = state.guards;
+  guards["particles_removed_outside_domain"] = state.distribution.removed();
+  guards["particles_put_back_onto_wall"] = state.distribution.kept();
+  for (const auto& [name, count] : guards) report.guards[name] = communicator.sum(count);
+  return report;
+}
+
+std::string closing_table(const RunReport& report) {
+  std::string text = fmt::format("\n{:<20}{:>10}{:>10}{:>10}{:>9}\n", "stage [s]", "min", "mean", "max", "share");
+  for (const auto& [name, time] : report.stages)
+    text += fmt::format("{:<20}{:>10.3f}{:>10.3f}{:>10.3f}{:>8.1f}%\n", name, time.min, time.mean, time.max,
+                        report.wall_seconds > 0 ? 100 * time.mean / report.wall_seconds : 0.0);
+  text += fmt::format(
+      "{} steps of {} particles on {} ranks in {:.2f} s: {:.3g} M particle-steps/s per core, {:.0f} bytes per particle\n"
+      "per step: {:.1f} messages, {:.4g} kB between ranks; imbalance {:.3f}\n",
+      report.steps, report.particles, report.ranks, report.wall_seconds,
+      report.particle_steps_per_second_per_core / 1e6, report.bytes_per_particle, report.messages_per_step,
+      report.bytes_per_step / 1e3, report.imbalance);
+  for (const auto& [name, count] : report.solver_iterations)
+    text += fmt::format("solver {}: {} iterations, {:.2f} per step\n", name, count,
+                        report.steps > 0 ? static_cast<Real>(count) / static_cast<Real>(report.steps) : 0.0);
+  for (const auto& [name, count] : report.guards)
+    if (count > 0) text += fmt::format("guard {}: {} times\n", name, count);
+  return text;
+}
+
+template <int Dim>
+std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects) {
+  const Communicator& communicator = state.communicator();
+  const Real particles = static_cast<Real>(count_particles(state));
+  const GlobalIndex nodes =
+      communicator.sum(static_cast<GlobalIndex>(state.topology().owned()) * nodes_per_block<Dim>);
+  std::string text = fmt::format("{} dimensions, {} precision, {} ranks\n", Dim,
+                                 state.precision == Precision::double_precision ? "double" : "single",
+                                 communicator.size());
+  text += fmt::format("{} particles, {} active nodes (unknowns of an implicit solve: up to {} each)\n",
+                      static_cast<GlobalIndex>(particles), nodes, Dim);
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    const Body<Dim>& body = state.bodies[b];
+    const GlobalIndex count = communicator.sum(static_cast<GlobalIndex>(body.real_particles()));
+    text += fmt::format("body \"{}\": {} particles of {} ({}), {} bytes each:", body.name, count,
+                        state.material_of(b).name(), state.material_of(b).model(), body.particles.bytes_per_particle());
+    for (FieldId f = 0; f < body.particles.count(); ++f) {
+      const FieldTraits& t = body.particles.traits(f);
+      text += fmt::format(" {}[{}]", t.name, t.components);
+    }
+    text += "\n";
+  }
+  const int width = state.precision == Precision::double_precision ? 8 : 4;
+  int per_node = 0;
+  for (FieldId f = 0; f < state.fields.count(); ++f) per_node += width * state.fields.traits(f).components;
+  text += fmt::format("grid: {} bytes per node:", per_node);
+  for (FieldId f = 0; f < state.fields.count(); ++f) {
+    const GridFieldTraits& t = state.fields.traits(f);
+    text += fmt::format(" {}[{}]{}{}", t.name, t.components, t.sums_ghosts ? " summed" : "",
+                        t.fills_ghosts ? " filled" : "");
+  }
+  text += "\n";
+  if (effects.empty()) text += "no effects\n";
+  for (const auto& effect : effects) text += "effect " + effect->explain() + "\n";
+  const MemoryUse use = memory_use(state, effects);
+  std::vector<Real> bytes = {static_cast<Real>(use.particles), static_cast<Real>(use.grid),
+                             static_cast<Real>(use.blocks_and_halo), static_cast<Real>(use.effects)};
+  communicator.sum(bytes);
+  text += fmt::format(
+      "bytes per particle: particles {:.0f}, grid {:.0f}, blocks and halo {:.0f}, effects {:.0f} (solvers grow with the "
+      "first solve)\n",
+      bytes[0] / particles, bytes[1] / particles, bytes[2] / particles, bytes[3] / particles);
+  const std::vector<GlobalIndex> halo = {communicator.sum(state.halo().ghost_nodes()),
+                                         communicator.sum(state.halo().shared_nodes())};
+  text += fmt::format("halo: {} ghost nodes over all ranks, imbalance {:.3f}\n", halo[0], state.distribution.imbalance());
+  return text;
+}
+
+#define MPM_INSTANTIATE(Dim)                                                                             \
+  template MemoryUse memory_use<Dim>(const State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
+  template RunReport make_report<Dim>(State<Dim>&, const RunTotals&, const std::string&);                \
+  template std::string explain<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&);
+MPM_INSTANTIATE(2)
+MPM_INSTANTIATE(3)
+#undef MPM_INSTANTIATE
+
+}  // namespace mpm

@@ -1,0 +1,177 @@
+#include "mpm_hpc/simulation/setup.hpp"
+
+#include <algorithm>
+
+#include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/fields/point_cloud.hpp"
+#include "mpm_hpc/io/point_cloud_hdf5.hpp"
+#include "mpm_hpc/io/together.hpp"
+#include "mpm_hpc/math/bspline.hpp"
+#include "mpm_hpc/scene/point_cloud.hpp"
+#include "mpm_hpc/simulation/cloud_volume.hpp"
+
+namespace mpm {
+
+template <int Dim>
+void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Dim>& state) {
+  state.precision = scene.precision;
+  DistributionOptions options = scene.distribution;
+  options.kernel_shift = QuadraticKernel::shift;
+  options.kernel_support = QuadraticKernel::support;
+  state.distribution = Distribution<Dim>(communicator, scene.geometry(), options);
+  state.materials = std::move(scene.materials);
+  for (const BodyDefinition<Dim>& definition : scene.bodies) {
+    const auto material = std::find_if(state.materials.begin(), state.materials.end(),
+                                       [&](const auto& m) { return m->name() == definition.material; });
+    state.bodies.emplace_back(definition.name, static_cast<int>(material - state.materials.begin()), state.precision);
+  }
+  state.degradation.resize(state.bodies.size());
+  state.fields = GridFields(state.precision);
+  state.nodes = state.fields.add({.name = "node",
+                                  .units = "kg m/s, kg",
+                                  .components = node_values,
+                                  .halo_components = Dim + 1,
+                                  .sums_ghosts = true,
+                                  .fills_ghosts = true});
+  for (auto& effect : scene.effects) effect->declare_fields(state);
+}
+
+namespace {
+
+bool is_hdf5(const std::string& file) {
+  return file.ends_with(".h5") || file.ends_with(".hdf5");
+}
+
+// This rank's share of a body's particles.
+template <int Dim>
+PointCloud<Dim> share_of(const Communicator& communicator, BodyDefinition<Dim>& definition) {
+  PointCloud<Dim> cloud;
+  if (!definition.cloud.empty() && is_hdf5(definition.cloud))
+    return read_point_cloud_hdf5<Dim>(communicator, definition.cloud, definition.cloud_where);
+  together(communicator, [&] {
+    const int rank = communicator.rank(), ranks = communicator.size();
+    if (!definition.cloud.empty()) {
+      cloud = read_point_cloud_csv<Dim>(definition.cloud, rank, ranks);
+      return;
+    }
+    const Seeding<Dim> seeding(definition.shape, definition.seeding);
+    cloud.positions = seeding.particles(seeding.first_cell(rank, ranks), seeding.first_cell(rank + 1, ranks));
+    cloud.volumes.assign(cloud.positions.size(), seeding.particle_volume());
+  });
+  return cloud;
+}
+
+// The middle of a body: of its shape's bounds, or of its particles'.
+template <int Dim>
+Vec<Dim> middle(const Communicator& communicator, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud) {
+  if (definition.centre) return *definition.centre;
+  std::vector<Real> upper(2 * Dim, -std::numeric_limits<Real>::infinity());
+  for (const Vec<Dim>& x : cloud.positions)
+    for (int a = 0; a < Dim; ++a) {
+      upper[a] = std::max(upper[a], x[a]);
+      upper[Dim + a] = std::max(upper[Dim + a], -x[a]);
+    }
+  communicator.max(upper);
+  Vec<Dim> centre;
+  for (int a = 0; a < Dim; ++a) centre[a] = (upper[a] - upper[Dim + a]) / 2;
+  return centre;
+}
+
+template <class T>
+void fill_initial(const FieldSet& fields, FieldId f) {
+  const FieldTraits& traits = fields.traits(f);
+  int side = 0;
+  while (side * side < traits.components) ++side;
+  for (int c = 0; c < traits.components; ++c) {
+    const Real value = traits.identity ? (c % (side + 1) == 0 ? 1.0 : 0.0) : traits.initial;
+    std::fill_n(fields.data<T>(f, c), fields.size(), static_cast<T>(value));
+  }
+}
+
+template <int Dim, class T>
+void fill_body(const FieldSet& f, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud,
+               const Vec<Dim>& centre, Real density, GlobalIndex first_id) {
+  // Velocity of a rigid rotation: v = W (x - centre), W_ab = -eps_abc omega_c.
+  Mat<Dim> spin = Mat<Dim>::Zero();
+  spin(0, 1) = -definition.angular_velocity[2];
+  spin(1, 0) = definition.angular_velocity[2];
+  if constexpr (Dim == 3) {
+    spin(0, 2) = definition.angular_velocity[1];
+    spin(2, 0) = -definition.angular_velocity[1];
+    spin(1, 2) = -definition.angular_velocity[0];
+    spin(2, 1) = definition.angular_velocity[0];
+  }
+  for (Index p = 0; p < f.size(); ++p) {
+    const Vec<Dim>& x = cloud.positions[p];
+    Vec<Dim> v = definition.velocity + spin * (x - centre);
+    if (!cloud.velocities.empty()) v += cloud.velocities[p];
+    f.template data<GlobalIndex>(core::id)[p] = first_id + p;
+    for (int a = 0; a < Dim; ++a) {
+      f.template data<Real>(core::position, a)[p] = x[a];
+      f.template data<T>(core::velocity, a)[p] = static_cast<T>(v[a]);
+      for (int b = 0; b < Dim; ++b) {
+        f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(spin(a, b));
+        if (!cloud.deformation_gradients.empty())
+          f.template data<T>(core::deformation_gradient, a * Dim + b)[p] =
+              static_cast<T>(cloud.deformation_gradients[p](a, b));
+      }
+    }
+    const Real volume = cloud.volumes.empty() ? 1 : cloud.volumes[p];
+    f.template data<T>(core::volume)[p] = static_cast<T>(volume);
+    f.template data<T>(core::mass)[p] = static_cast<T>(density * volume);
+  }
+}
+
+}  // namespace
+
+template <int Dim>
+void create_particles(Scene<Dim>& scene, State<Dim>& state) {
+  const Communicator& communicator = state.communicator();
+  GlobalIndex next_id = 0;
+  std::vector<std::size_t> without_volume;
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    BodyDefinition<Dim>& definition = scene.bodies[b];
+    const PointCloud<Dim> cloud = share_of(communicator, definition);
+    const GlobalIndex count = static_cast<GlobalIndex>(cloud.positions.size());
+    const GlobalIndex total = communicator.sum(count);
+    require(total > 0, "{}: body \"{}\" has no particles; its shape holds no lattice point, so enlarge it or refine grid.spacing",
+            definition.where, definition.name);
+    const Vec<Dim>* outside = nullptr;
+    for (const Vec<Dim>& x : cloud.positions)
+      if (!state.geometry().contains(x)) outside = &x;
+    together(communicator, [&] {
+      if (!outside) return;
+      std::string place;
+      for (int a = 0; a < Dim; ++a) place += fmt::format("{}{:.6g}", a ? ", " : "", (*outside)[a]);
+      throw UserError(fmt::format("{}: body \"{}\" reaches out of the domain at ({}) m; move it or enlarge domain.lower "
+                                  "and domain.upper",
+                                  definition.where, definition.name, place));
+    });
+    const GlobalIndex first_id = next_id + communicator.exclusive_sum(count);
+    next_id += total;
+    const Vec<Dim> centre = middle(communicator, definition, cloud);
+    FieldSet& fields = state.bodies[b].particles;
+    fields.resize(static_cast<Index>(count));
+    for (FieldId f = 0; f < fields.count(); ++f) {
+      switch (fields.traits(f).type) {
+        case ScalarType::float32: fill_initial<float>(fields, f); break;
+        case ScalarType::float64: fill_initial<double>(fields, f); break;
+        case ScalarType::int64: fill_initial<GlobalIndex>(fields, f); break;
+      }
+    }
+    with_precision(state.precision, [&](auto zero) {
+      fill_body<Dim, decltype(zero)>(fields, definition, cloud, centre, state.material_of(b).density(), first_id);
+    });
+    if (!definition.cloud.empty() && !communicator.any(!cloud.volumes.empty())) without_volume.push_back(b);
+  }
+  for (auto& effect : scene.effects) effect->initialise(state);
+  sort_particles(state, OrderWithinCell::canonical);
+  for (std::size_t b : without_volume) volumes_from_grid_density(state, b);
+}
+
+template void declare_state<2>(const Communicator&, Scene<2>&, State<2>&);
+template void declare_state<3>(const Communicator&, Scene<3>&, State<3>&);
+template void create_particles<2>(Scene<2>&, State<2>&);
+template void create_particles<3>(Scene<3>&, State<3>&);
+
+}  // namespace mpm
