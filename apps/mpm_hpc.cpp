@@ -23,6 +23,18 @@ std::optional<int> parse(int argc, char** argv, bool speaks, CommandLine& line) 
   CLI::App app{"Material point simulation with dynamic fracture on MPI ranks."};
   app.footer("Options of the form -phase_ksp_type go to PETSc. Exit codes: 0 done, 2 user error, 3 numerical failure, "
              "4 file failure, 75 stopped by a signal after a checkpoint.");
+  // CLI11's own validators print the range of the type.
+  const CLI::Validator not_negative(
+      [](std::string& text) {
+        return text.find_first_not_of("0123456789") == std::string::npos ? "" : text + " is not a number of steps";
+      },
+      "COUNT"),
+      positive(
+          [](std::string& text) {
+            double value = 0;
+            return CLI::detail::lexical_cast(text, value) && value > 0 ? "" : text + " is not a positive time in s";
+          },
+          "SECONDS");
   std::string scene, output, restart;
   std::int64_t steps = -1;
   double until = -1;
@@ -30,8 +42,8 @@ std::optional<int> parse(int argc, char** argv, bool speaks, CommandLine& line) 
   app.add_option("--set", line.run.overrides, "Override a key of the scene: key.path=value")->allow_extra_args(false);
   app.add_option("--output,-o", output, "Output folder; default: the scene's name in the working directory");
   app.add_option("--restart", restart, "Go on from this checkpoint");
-  app.add_option("--steps", steps, "End after so many steps")->check(CLI::NonNegativeNumber);
-  app.add_option("--until", until, "End at this time [s], in place of time.end")->check(CLI::PositiveNumber);
+  app.add_option("--steps", steps, "End after so many steps")->check(not_negative);
+  app.add_option("--until", until, "End at this time [s], in place of time.end")->check(positive);
   app.add_flag("--force", line.run.force, "Replace a run that is in the output folder");
   app.add_flag("--validate", line.run.validate, "Check the scene and stop before the first step");
   app.add_flag("--explain", line.run.explain, "Tell what the scene builds and what it costs");
@@ -85,7 +97,6 @@ int run(const mpm::Communicator& communicator, const CommandLine& line) {
     return 0;
   }
   const mpm::PetscSession petsc(line.petsc);
-  for (const int signal : {SIGTERM, SIGUSR1, SIGINT}) std::signal(signal, [](int) { mpm::request_stop(); });
   return static_cast<int>(mpm::run_scene(communicator, line.run));
 }
 
@@ -93,6 +104,8 @@ int run(const mpm::Communicator& communicator, const CommandLine& line) {
 
 int main(int argc, char** argv) {
   MPI_Init(&argc, &argv);
+  for (const int signal : {SIGTERM, SIGUSR1, SIGINT}) std::signal(signal, [](int) { mpm::request_stop(); });
+  std::signal(SIGXFSZ, SIG_IGN);  // a full quota is an error of the write, not the end of the process
   int code = 0;
   {
     const mpm::Communicator communicator = mpm::Communicator::world();

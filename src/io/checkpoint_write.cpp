@@ -59,20 +59,39 @@ void lay_out_state(Hdf5Image& image, const CheckpointState& state) {
   }
 }
 
-// One round's rows of every column.
-void write_piece(Hdf5Writer& writer, const FieldSet& set, const IdSlices::Piece& piece, std::vector<Column>& columns) {
-  std::vector<char> rows;
-  std::size_t offset = 0;
+// Elements of rows [begin, end) of one column, `offset` bytes into each packed particle.
+template <class Word>
+void gather_rows(const IdSlices::Piece& piece, std::size_t begin, std::size_t end, std::size_t offset,
+                 std::size_t components, char* to) {
+  for (std::size_t i = begin; i < end; ++i)
+    for (std::size_t c = 0; c < components; ++c, to += sizeof(Word))
+      std::memcpy(to, piece.rows[i].second + offset + c * sizeof(Word), sizeof(Word));
+}
+
+// One round's rows of every column; `rows` is scratch.
+void write_piece(Hdf5Writer& writer, const FieldSet& set, const IdSlices::Piece& piece, std::vector<Column>& columns,
+                 std::vector<std::vector<char>>& rows) {
+  const std::size_t size = piece.rows.size();
+  const auto bytes_in_row = [&](FieldId f) {
+    return static_cast<std::size_t>(bytes_of(set.traits(f).type)) * set.traits(f).components;
+  };
+  for (FieldId f = 0; f < set.count(); ++f) rows[f].resize(size * bytes_in_row(f));
+  // All columns of few particles at a time: packed particles are far apart in memory, so touch them once.
+  constexpr std::size_t block = 256;
+  for (std::size_t begin = 0; begin < size; begin += block) {
+    std::size_t offset = 0;
+    for (FieldId f = 0; f < set.count(); ++f) {
+      const auto gather = bytes_of(set.traits(f).type) == 4 ? gather_rows<std::uint32_t> : gather_rows<std::uint64_t>;
+      gather(piece, begin, std::min(begin + block, size), offset, set.traits(f).components,
+             rows[f].data() + begin * bytes_in_row(f));
+      offset += bytes_in_row(f);
+    }
+  }
   for (FieldId f = 0; f < set.count(); ++f) {
-    const std::size_t components = set.traits(f).components, width = bytes_of(set.traits(f).type);
-    const std::size_t bytes = components * width;
-    rows.resize(piece.rows.size() * bytes);
-    for (std::size_t i = 0; i < piece.rows.size(); ++i)
-      std::memcpy(&rows[i * bytes], piece.rows[i].second + offset, bytes);
-    writer.write(columns[f].dataset, piece.first_row, piece.rows.size(), rows.data());
-    columns[f].checksum += checksum(rows.data(), piece.rows.size() * components, static_cast<int>(width),
+    const std::size_t components = set.traits(f).components;
+    writer.write(columns[f].dataset, piece.first_row, size, rows[f].data());
+    columns[f].checksum += checksum(rows[f].data(), size * components, bytes_of(set.traits(f).type),
                                     piece.first_row * components);
-    offset += bytes;
   }
 }
 
@@ -133,8 +152,9 @@ std::filesystem::path write_checkpoint(const Communicator& communicator, const s
 
   std::vector<std::uint64_t> checksums;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
+    std::vector<std::vector<char>> scratch(columns[b].size());
     for (int round = 0; round < slices[b].rounds(); ++round)
-      write_piece(writer, bodies[b].particles, slices[b].piece(round), columns[b]);
+      write_piece(writer, bodies[b].particles, slices[b].piece(round), columns[b], scratch);
     for (const Column& column : columns[b]) checksums.push_back(column.checksum);
   }
   MPI_Allreduce(MPI_IN_PLACE, checksums.data(), static_cast<int>(checksums.size()), MPI_UINT64_T, MPI_SUM,

@@ -68,6 +68,13 @@ std::uint64_t FileDescriptor::size() const {
   return static_cast<std::uint64_t>(status.st_size);
 }
 
+void FileDescriptor::reserve(std::uint64_t bytes) {
+  // Not posix_fallocate, which writes zeros where the file system can't reserve.
+  if (bytes > 0 && ::fallocate(descriptor_, 0, 0, static_cast<off_t>(bytes)) != 0 && errno != EOPNOTSUPP &&
+      errno != ENOSYS && errno != EINTR)
+    fail("write");
+}
+
 void FileDescriptor::resize(std::uint64_t bytes) {
   if (::ftruncate(descriptor_, static_cast<off_t>(bytes)) != 0) fail("resize");
 }

@@ -14,7 +14,8 @@ std::vector<FrameEntry> read_frame_series(const std::filesystem::path& folder) {
   if (!std::filesystem::exists(file)) return {};
   std::vector<FrameEntry> frames;
   try {
-    for (const auto& entry : nlohmann::json::parse(read_text_file(file)).at("files"))
+    const nlohmann::json index = nlohmann::json::parse(read_text_file(file));
+    for (const auto& entry : index.at("files"))
       frames.push_back({entry.at("name").get<std::string>(), entry.at("time").get<Real>()});
   } catch (const nlohmann::json::exception&) {
     throw FileError(fmt::format("{} is damaged; remove it to start a new series of frames", file.string()));

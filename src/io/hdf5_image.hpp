@@ -54,10 +54,11 @@ class Hdf5Image {
   // A compressed dataset, whose chunks of `rows_per_chunk` rows the caller writes at the places of reserve_chunk().
   Hdf5Id make_chunked_dataset(const std::string& path, FileType type, std::uint64_t rows, int components,
                               std::uint64_t rows_per_chunk, int deflate);
-  // `skipped_filters` as H5Dread_chunk gives it: HDF5 leaves a chunk alone that deflate would enlarge.
+  // `skipped_filters` as H5Dread_chunk gives it: a filter that fails on a chunk is left out for it.
   std::uint64_t reserve_chunk(hid_t dataset, std::uint64_t first_row, std::size_t bytes,
                               std::uint32_t skipped_filters);
 
+  std::uint64_t end() const { return bytes_.end; }
   // Closes the HDF5 file; no other call may follow.
   const Bytes& finish();
 

@@ -48,6 +48,7 @@ void Hdf5Writer::lay_out(const Layout& first) {
         entry.place = Hdf5Image::place(image_->reserve_dataset(entry.path, entry.type, entry.rows, entry.components));
       }
     }
+    descriptor_.reserve(image_->end());
   });
   Communicator::Bytes places(entries_.size() * sizeof(std::uint64_t));
   auto* place = reinterpret_cast<std::uint64_t*>(places.data());

@@ -2,17 +2,18 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <map>
 
 namespace mpm {
 
 namespace {
 
-// A round moves about a sixteenth of a rank's particles: twice that (sent and received) is what a checkpoint needs on top
-// of them. Smaller pieces would be written too slowly, larger ones would not fit into one message.
+// A round moves about a thirty-second of a rank's particles, but no more than memory that malloc keeps at hand for the
+// next round; smaller pieces would be written too slowly.
 std::uint64_t rows_per_piece(std::uint64_t largest_rank, int bytes_per_particle) {
-  const std::uint64_t most = std::max<std::uint64_t>((std::uint64_t{1} << 28) / bytes_per_particle, 1);
-  return std::min(std::max<std::uint64_t>(largest_rank / 16, 1 << 14), most);
+  const std::uint64_t most = std::max<std::uint64_t>((std::uint64_t{1} << 24) / bytes_per_particle, 1);
+  return std::min(std::max<std::uint64_t>(largest_rank / 32, 1 << 14), most);
 }
 
 }  // namespace
@@ -74,17 +75,31 @@ IdSlices::Piece IdSlices::piece(int round) const {
   for (std::size_t i = round_start_[round]; i < round_start_[round + 1]; ++i)
     leaving[piece_of_bucket_[bucket(ids[order_[i]])] / rounds_].push_back(order_[i]);
   std::map<int, Communicator::Bytes> outgoing;
-  for (auto& [target, particles] : leaving) {
-    particles_.pack(particles, outgoing[target]);
-    std::vector<Index>().swap(particles);
+  // Component by component, but of few particles at a time: the packed ones stay in the cache until all are there.
+  constexpr std::size_t block = 256;
+  std::vector<Index> some;
+  for (const auto& [target, particles] : leaving) {
+    Communicator::Bytes& bytes = outgoing[target];
+    bytes.reserve(particles.size() * particles_.bytes_per_particle());
+    for (std::size_t begin = 0; begin < particles.size(); begin += block) {
+      const auto first = particles.begin() + static_cast<std::ptrdiff_t>(begin);
+      some.assign(first, first + static_cast<std::ptrdiff_t>(std::min(block, particles.size() - begin)));
+      particles_.pack(some, bytes);
+    }
   }
 
   Piece piece;
+  auto own = outgoing.extract(communicator_.rank());
   piece.messages = communicator_.exchange(outgoing);
+  if (own) piece.messages.emplace_back(communicator_.rank(), std::move(own.mapped()));
+  outgoing.clear();
   std::size_t id_offset = 0;
   for (FieldId f = 0; f < id_; ++f)
     id_offset += static_cast<std::size_t>(bytes_of(particles_.traits(f).type)) * particles_.traits(f).components;
   const std::size_t stride = particles_.bytes_per_particle();
+  std::size_t arrived = 0;
+  for (const auto& [source, bytes] : piece.messages) arrived += bytes.size() / stride;
+  piece.rows.reserve(arrived);
   for (const auto& [source, bytes] : piece.messages)
     for (std::size_t at = 0; at < bytes.size(); at += stride) {
       GlobalIndex id = 0;

@@ -29,6 +29,7 @@ std::string run_json_text(const RunReport& report) {
   json["stages"] = stages;
   json["messages_per_step"] = report.messages_per_step;
   json["bytes_per_step"] = report.bytes_per_step;
+  json["rebalances"] = report.rebalances;
   json["imbalance"] = report.imbalance;
   json["solver_iterations"] = report.solver_iterations;
   json["guards"] = report.guards;

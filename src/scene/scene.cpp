@@ -57,6 +57,8 @@ void read_time(Parameters& p, TimeOptions& time) {
     q.choice("integrator", time.integrator, {"explicit"}, "Time integrator.");
     q.real("cfl", time.cfl,
            {.min = 0, .min_exclusive = true, .max = 1, .doc = "Share of a cell that a wave may cross in one step."});
+    time.end_where = q.where("end");
+    time.dt_where = q.where("dt");
     q.optional_real("dt", time.dt, with_doc("Fixed step, used as long as it is stable; default: adaptive."));
     q.optional_real("max_dt", time.max_dt, with_doc("Upper bound of the adaptive step."));
     q.optional_integer("max_steps", time.max_steps, {.min = 0, .doc = "Number of steps after which the run ends."});
@@ -145,8 +147,10 @@ void read_bodies(Parameters& p, Scene<Dim>& scene) {
 template <int Dim>
 Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effects) {
   Scene<Dim> scene;
-  scene.text = p.scene_text();
-  scene.where = p.file_name();
+  if (!p.describing()) {
+    scene.text = p.scene_text();
+    scene.where = p.file_name();
+  }
   p.text("title", scene.title, {.doc = "What the scene shows."});
   std::string precision = "double";
   p.choice("precision", precision, {"double", "single"},

@@ -5,8 +5,25 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
 namespace mpm {
+
+namespace {
+
+// mpirun gives its ranks a pseudo terminal even when its own output goes to a file, so under mpirun its output counts.
+bool writes_to_terminal() {
+  if (!isatty(STDOUT_FILENO)) return false;
+  if (!std::getenv("OMPI_COMM_WORLD_SIZE")) return true;
+  char target[256];
+  const std::string link = fmt::format("/proc/{}/fd/1", getppid());
+  const ssize_t length = readlink(link.c_str(), target, sizeof(target));
+  if (length <= 0) return false;
+  const std::string name(target, static_cast<std::size_t>(length));
+  return name.starts_with("/dev/pts/") || name.starts_with("/dev/tty");
+}
+
+}  // namespace
 
 std::string short_duration(Real seconds) {
   const auto s = static_cast<std::int64_t>(std::ceil(seconds));
@@ -16,7 +33,7 @@ std::string short_duration(Real seconds) {
 }
 
 Progress::Progress(bool speaks, Real start, Real end)
-    : speaks_(speaks), terminal_(isatty(STDOUT_FILENO)), start_(start), end_(end), began_(Clock::now()), last_(began_) {}
+    : speaks_(speaks), terminal_(writes_to_terminal()), start_(start), end_(end), began_(Clock::now()), last_(began_) {}
 
 Progress::~Progress() {
   if (open_line_) std::printf("\n");

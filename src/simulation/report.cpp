@@ -63,6 +63,7 @@ RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::str
   if (step_seconds > 0)
     report.particle_steps_per_second_per_core =
         static_cast<Real>(totals.particle_steps) / step_seconds / communicator.size();
+  report.rebalances = state.distribution.rebalances();
   if (report.particles > 0) report.bytes_per_particle = totals.peak_bytes / static_cast<Real>(report.particles);
   report.peak_rss_bytes = gather_peak_rss(communicator);
 
@@ -85,10 +86,9 @@ RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::str
   }
   report.imbalance = state.distribution.imbalance();
   for (const auto& [name, work] : state.solvers) report.solver_iterations[name] = work.iterations;
-  std::map<std::string, GlobalIndex> guards = state.guards;
-  guards["particles_removed_outside_domain"] = state.distribution.removed();
-  guards["particles_put_back_onto_wall"] = state.distribution.kept();
-  for (const auto& [name, count] : guards) report.guards[name] = communicator.sum(count);
+  state.guards["particles_removed_outside_domain"] += state.distribution.take_removed();
+  state.guards["particles_put_back_onto_wall"] += state.distribution.take_kept();
+  for (const auto& [name, count] : state.guards) report.guards[name] = communicator.sum(count);
   return report;
 }
 

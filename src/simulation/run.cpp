@@ -8,6 +8,7 @@
 #include "mpm_hpc/io/text_file.hpp"
 #include "mpm_hpc/simulation/diagnostics.hpp"
 #include "mpm_hpc/simulation/stop_signal.hpp"
+#include "mpm_hpc/solvers/linear_solver.hpp"
 #include "mpm_hpc/solvers/petsc_session.hpp"
 #include "mpm_hpc/time/explicit_integrator.hpp"
 
@@ -43,14 +44,22 @@ Run<Dim>::Run(const Communicator& communicator, Scene<Dim> scene, const RunOptio
   StepSizeOptions step_size;
   step_size.cfl = scene_.time.cfl;
   integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(state_, std::move(hooks), step_size);
-  const std::vector<std::string> unused = PetscSession::unused_options();
-  require(unused.empty(), "the option {} is neither one of mpm_hpc nor read by PETSc in this scene; see mpm_hpc --help",
-          unused.empty() ? "" : unused.front());
+  refuse_unused_options(false);
   end_ = options_.until.value_or(scene_.time.end);
   const OutputOptions& output = scene_.output;
   frame_.every = output.every;
   history_.every = output.history_every.value_or(output.every / 10);
   checkpoint_.every = output.checkpoint_every.value_or(0);
+}
+
+// PETSc reads some options of a solver at its first solve only, so those wait until the first step is done.
+template <int Dim>
+void Run<Dim>::refuse_unused_options(bool solvers_ran) {
+  for (const std::string& option : PetscSession::unused_options()) {
+    const bool late = !state_.solvers.empty() || LinearSolver::knows_prefix(option);
+    require(late && !solvers_ran,
+            "the option {} is neither one of mpm_hpc nor read by PETSc in this scene; see mpm_hpc --help", option);
+  }
 }
 
 template <int Dim>
@@ -68,9 +77,10 @@ void Run<Dim>::prepare() {
     require(*scene_.time.dt <= stable,
             "{}: time.dt = {:.4g} s is unstable at t = {:.4g} s: the {} allows {:.4g} s; lower it, or leave it out for an "
             "adaptive step",
-            scene_.where, *scene_.time.dt, state_.time, integrator_->bound_by(), stable);
+            scene_.time.dt_where, *scene_.time.dt, state_.time, integrator_->bound_by(), stable);
   require(std::isfinite(stable) || scene_.time.max_dt || scene_.time.dt,
-          "{}: nothing limits the time step (no stiffness, no motion); give time.max_dt or time.dt", scene_.where);
+          "{}: nothing limits the time step (no stiffness, no motion); give time.max_dt or time.dt",
+          scene_.time.end_where);
   measure_memory();
 }
 
@@ -85,8 +95,9 @@ void Run<Dim>::restart() {
   state_.dt = saved.dt;
   restore_numbers(saved.numbers);
   sort_particles(state_, OrderWithinCell::canonical);
-  require(state_.time < end_, "{}: the checkpoint {} is at t = {:.6g} s, at or past time.end = {:.6g} s; raise time.end",
-          scene_.where, options_.restart->string(), state_.time, end_);
+  require(state_.time < end_, "{}: the checkpoint {} is at t = {:.6g} s, at or past the end at {:.6g} s; raise time.end or "
+          "give a later --until",
+          scene_.time.end_where, options_.restart->string(), state_.time, end_);
 }
 
 template <int Dim>
@@ -98,6 +109,8 @@ std::map<std::string, std::vector<Real>> Run<Dim>::state_numbers() {
                        l.signal_speed,    l.stiffness_speed,           l.min_jacobian};
   state_.ledger.consolidate(communicator_);
   for (const auto& [name, value] : state_.ledger.entries()) numbers["ledger:" + name] = {communicator_.sum(value)};
+  state_.guards["particles_removed_outside_domain"] += state_.distribution.take_removed();
+  state_.guards["particles_put_back_onto_wall"] += state_.distribution.take_kept();
   for (const auto& [name, count] : state_.guards)
     numbers["guard:" + name] = {static_cast<Real>(communicator_.sum(count))};
   return numbers;
@@ -188,8 +201,6 @@ CheckpointState Run<Dim>::checkpoint_state() {
 template <int Dim>
 void Run<Dim>::save_checkpoint() {
   auto s = state_.timers.scope("checkpoint");
-  // The particles take the order that a restart gives them, so that the run that goes on equals the one that restarts.
-  sort_particles(state_, OrderWithinCell::canonical);
   write_checkpoint(communicator_, folder_, checkpoint_state(), state_.bodies, state_.precision);
   written_checkpoint_ = state_.time;
 }
@@ -198,10 +209,14 @@ void Run<Dim>::save_checkpoint() {
 template <int Dim>
 void Run<Dim>::happen(bool last) {
   const Real time = state_.time, dt = state_.dt;
+  const bool checkpoint_due =
+      scene_.output.checkpoint && (last || checkpoint_.due(time, dt)) && written_checkpoint_ != time;
+  // The particles take the order that a restart gives them, so that the run that goes on equals the one that restarts.
+  // Sorting may delete particles that left the domain, so it comes before anything is counted or written.
+  if (checkpoint_due) sort_particles(state_, OrderWithinCell::canonical);
   if ((last || history_.due(time, dt)) && written_row_ != time) write_history();
   if (scene_.output.frames && (last || frame_.due(time, dt)) && written_frame_ != time) write_frame();
-  if (scene_.output.checkpoint && (last || checkpoint_.due(time, dt)) && written_checkpoint_ != time)
-    save_checkpoint();
+  if (checkpoint_due) save_checkpoint();
   if (history_.due(time, dt)) history_.plan_after(time);
   if (frame_.due(time, dt)) frame_.plan_after(time);
   if (checkpoint_.due(time, dt)) checkpoint_.plan_after(time);
@@ -213,7 +228,7 @@ Real Run<Dim>::choose_step() {
   const Real stable = integrator_->stable_step(state_);
   if (scene_.time.dt) {
     if (*scene_.time.dt <= stable) return *scene_.time.dt;
-    if (communicator_.root()) ++state_.guards["fixed_dt_was_unstable_and_shortened"];
+    state_.guards["fixed_dt_was_unstable_and_shortened"] += communicator_.root();
     return stable;
   }
   Real dt = std::min(stable, scene_.time.max_dt.value_or(std::numeric_limits<Real>::infinity()));
@@ -250,6 +265,7 @@ void Run<Dim>::loop() {
     if (std::abs(state_.time - target) < time_tolerance * state_.dt) state_.time = target;
     finished = state_.time >= end_ - time_tolerance * state_.dt || state_.step - totals_.first_step >= steps ||
                state_.stop_requested;
+    if (state_.step == totals_.first_step + 1) refuse_unused_options(true);
     happen(finished);
     totals_.loop_seconds = seconds_since(began);
     progress_->report(state_.step, state_.time, state_.dt, integrator_->bound_by(), "");
@@ -287,14 +303,22 @@ ExitCode Run<Dim>::run() {
   try {
     loop();
   } catch (const NumericalFailure& failure) {
-    // Beside the good ones, which it must not push out.
+    const std::string what = fmt::format("step {}, t = {:.6g} s: {}", state_.step, state_.time, failure.what());
+    // Beside the good checkpoints, which it must not push out.
     std::string where = "no checkpoint could be written";
     try {
       where = "the state is in " + save_failed_state().string();
-    } catch (const std::exception&) {
+    } catch (const Error&) {
     }
-    finish(ExitCode::numerical_failure, failure.what());
-    throw NumericalFailure(fmt::format("{} ({})", failure.what(), where));
+    finish(ExitCode::numerical_failure, what);
+    throw NumericalFailure(fmt::format("{} ({})", what, where));
+  } catch (const FileError& failure) {
+    try {
+      finish(ExitCode::file_failure, failure.what());
+    } catch (const FileError&) {
+      // The same disk is full for the report.
+    }
+    throw;
   }
   const bool stopped = state_.stop_requested;
   finish(stopped ? ExitCode::stopped_by_signal : ExitCode::done,

@@ -52,6 +52,16 @@ struct LinearSolver::Impl {
   }
 };
 
+namespace {
+
+// Of all solvers of the process, for knows_prefix.
+std::vector<std::string>& prefixes() {
+  static std::vector<std::string> all;
+  return all;
+}
+
+}  // namespace
+
 LinearSolver::LinearSolver(const Communicator& communicator, const std::string& prefix,
                            const LinearSolverOptions& options)
     : impl_(std::make_unique<Impl>()) {
@@ -66,7 +76,14 @@ LinearSolver::LinearSolver(const Communicator& communicator, const std::string& 
   petsc_check(KSPSetTolerances(ksp, options.relative_tolerance, 0.0, PETSC_DEFAULT, options.max_iterations),
               "KSPSetTolerances");
   petsc_check(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE), "KSPSetInitialGuessNonzero");
-  petsc_check(KSPSetFromOptions(ksp), "KSPSetFromOptions");
+  require(KSPSetFromOptions(ksp) == 0,
+          "PETSc refuses the value of an option that begins with -{}; correct it, or see -help for what is possible", prefix);
+  prefixes().push_back(prefix);
+}
+
+bool LinearSolver::knows_prefix(const std::string& option) {
+  return std::any_of(prefixes().begin(), prefixes().end(),
+                     [&option](const std::string& prefix) { return option.starts_with("-" + prefix); });
 }
 
 LinearSolver::~LinearSolver() {

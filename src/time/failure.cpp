@@ -1,6 +1,7 @@
 #include "mpm_hpc/time/failure.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "mpm_hpc/base/error.hpp"
 
@@ -9,13 +10,14 @@ namespace mpm {
 template <int Dim>
 void report_failed_particle(const State<Dim>& state) {
   std::string failure;
+  Real smallest = std::numeric_limits<Real>::infinity();
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for (const Body<Dim>& body : state.bodies) {
       const FieldSet& fields = body.particles;
-      for (Index p = 0; p < fields.size() && failure.empty(); ++p) {
+      for (Index p = 0; p < fields.size(); ++p) {
         if (body.is_padding(p)) continue;
-        Mat<Dim> F;
+        Tensor<Real, Dim> F;
         bool finite = true;
         std::string place;
         for (int a = 0; a < Dim; ++a) {
@@ -27,21 +29,21 @@ void report_failed_particle(const State<Dim>& state) {
             finite = finite && std::isfinite(fields.template data<T>(core::velocity_gradient, a * Dim + b)[p]);
           }
         }
-        Real J = F(0, 0) * F(1, 1) - F(0, 1) * F(1, 0);
-        if constexpr (Dim == 3)
-          J = F(0, 0) * (F(1, 1) * F(2, 2) - F(1, 2) * F(2, 1)) - F(0, 1) * (F(1, 0) * F(2, 2) - F(1, 2) * F(2, 0)) +
-              F(0, 2) * (F(1, 0) * F(2, 1) - F(1, 1) * F(2, 0));
-        if (finite && J > 0) continue;
+        const Real J = determinant(F);
+        if (finite && J > smallest) continue;
+        smallest = finite ? J : -std::numeric_limits<Real>::infinity();
         failure = fmt::format(
-            "step {}, t = {:.6g} s: particle {} of body \"{}\" at ({}) m {} (det F = {:.4g}); try a smaller time.cfl, a "
+            "particle {} of body \"{}\" at ({}) m {} (det F = {:.4g}); try a smaller time.cfl, a "
             "finer grid.spacing, more particles_per_cell, or a softer load",
-            state.step, state.time, fields.template data<GlobalIndex>(core::id)[p], body.name, place,
-            finite ? "is inverted" : "has a value that is not a number", J);
+            fields.template data<GlobalIndex>(core::id)[p], body.name, place,
+            !finite ? "has a value that is not a number" : J > 0 ? "is crushed" : "is inverted", J);
       }
     }
   });
+  // The rank of the worst one speaks.
+  if (smallest > state.communicator().min(smallest)) failure.clear();
   state.communicator().fail_together(failure);
-  throw NumericalFailure(fmt::format("step {}: the step limits are not finite, yet no particle is", state.step));
+  throw LogicError("a step failed without particles");
 }
 
 template void report_failed_particle<2>(const State<2>&);

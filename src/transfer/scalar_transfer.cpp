@@ -112,11 +112,11 @@ void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
   }
 }
 
-// Four values per node and the diagonal of the Laplacian, which is separable: with W_n = w_n^2 and K_n = (w_n d_n)^2,
-// d_n the distance to node n in spacings, H_ii = (k h^-2 D^-2) (K_x W_y W_z + W_x K_y W_z + W_x W_y K_z).
+// Four values per node and the diagonal of the operator, which is separable: with W_n = w_n^2 and K_n = (w_n d_n)^2,
+// d_n the distance to node n in spacings, A_ii = (k h^-2 D^-2) (K_x W_y W_z + W_x K_y W_z + W_x W_y K_z) + a W_x W_y W_z.
 template <class Kernel, int Dim, class T>
 void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, const T (*centre)[chunk_particles],
-                        const T* conductivity, T* tile, T* diagonal_tile) {
+                        const T* conductivity, const T* reaction, T* tile, T* diagonal_tile) {
   constexpr int side = Tile<Kernel, Dim, T>::side;
   for (int p = 0; p < count; ++p) {
     const ScalarRow<T>& r = rows[p];
@@ -129,7 +129,7 @@ void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, 
       }
     const Row<T> w = Row<T>::spread(load_quad(r.w[Dim - 1]));
     const Row<T> values = w * Row<T>::repeat(Quad<T>{q[0][p], q[1][p], q[2][p], q[3][p]});
-    const Quad<T> square = conductivity[p] * load_quad(W[Dim - 1]), moment = conductivity[p] * load_quad(K[Dim - 1]);
+    const Quad<T> square = conductivity[p] * load_quad(W[Dim - 1]), moment = conductivity[p] * load_quad(K[Dim - 1]) + reaction[p] * load_quad(W[Dim - 1]);
     for (int i = 0; i < Kernel::support; ++i)
       for (int j = 0; j < (Dim == 2 ? 1 : Kernel::support); ++j) {
         const int node = r.tile_node + (Dim == 2 ? i * side : (i * side + j) * side);
@@ -169,10 +169,10 @@ void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
   Tile<Kernel, Dim, T> tile;
   Tile<Kernel, Dim, T, 1> diagonal_tile;
   std::vector<ScalarRow<T>> rows(chunk_particles);
-  alignas(64) T centre[Dim][chunk_particles], storage[node_values + 1][chunk_particles];
+  alignas(64) T centre[Dim][chunk_particles], storage[node_values + 2][chunk_particles];
   T* q[node_values];
   for (int c = 0; c < node_values; ++c) q[c] = storage[c];
-  T* conductivity = storage[node_values];
+  T *conductivity = storage[node_values], *reaction = storage[node_values + 1];
   const Positions<Dim> positions(body);
   const Real scale = gradient_scale<Kernel>(grid.geometry);
   for (int number : ranges) {
@@ -181,11 +181,11 @@ void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
     diagonal_tile.zero();
     for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
       const Index end = std::min<Index>(begin + chunk_particles, range.end);
-      source.values(begin, end, q, conductivity);
+      source.values(begin, end, q, conductivity, reaction);
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
       for (Index p = 0; p < end - begin; ++p) conductivity[p] *= static_cast<T>(scale * scale);
-      scatter_value_rows<Kernel, Dim>(rows.data(), end - begin, q, centre, conductivity, tile.data,
+      scatter_value_rows<Kernel, Dim>(rows.data(), end - begin, q, centre, conductivity, reaction, tile.data,
                                       diagonal_tile.data);
     }
     tile.scatter_add(grid.topology, range.slot, nodes);
@@ -194,8 +194,8 @@ void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
 }
 
 template <class Kernel, int Dim, class T>
-void apply_laplacian(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                     const T* conductivity, const T* x, T* y) {
+void apply_operator(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                    const OperatorColumns<T>& columns, const T* x, T* y) {
   Tile<Kernel, Dim, T, 1> in, out;
   std::vector<ScalarRow<T>> rows(chunk_particles);
   alignas(64) T centre[Dim][chunk_particles];
@@ -211,12 +211,12 @@ void apply_laplacian(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const s
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
       gather_rows<Kernel, Dim>(rows.data(), count, in.data);
-      // The flux k grad x of each particle becomes the slopes of what it scatters.
+      // The flux k grad x of each particle becomes the slopes of what it scatters, a x its value.
       for (Index p = 0; p < count; ++p) {
         ScalarRow<T>& r = rows[p];
-        T at_centre = 0;
+        T at_centre = columns.reaction ? columns.reaction[begin + p] * r.value : T(0);
         for (int a = 0; a < Dim; ++a) {
-          r.slope[a] = scale2 * conductivity[begin + p] * (r.slope[a] + centre[a][p] * r.value);
+          r.slope[a] = scale2 * columns.conductivity[begin + p] * (r.slope[a] + centre[a][p] * r.value);
           at_centre += r.slope[a] * centre[a][p];
         }
         r.value = at_centre;
@@ -259,8 +259,9 @@ void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std
 #define MPM_INSTANTIATE(Dim, T)                                                                                     \
   template void scatter_values<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                   \
                                                         const std::vector<int>&, ValueSource<T>&, T*, T*);          \
-  template void apply_laplacian<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                  \
-                                                         const std::vector<int>&, const T*, const T*, T*);          \
+  template void apply_operator<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                   \
+                                                        const std::vector<int>&, const OperatorColumns<T>&,         \
+                                                        const T*, T*);                                              \
   template void gather_scalar<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                    \
                                                        const std::vector<int>&, const T*, ValueSink<T>&);
 MPM_INSTANTIATE(2, float)

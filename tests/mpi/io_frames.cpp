@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "io_test_bodies.hpp"
 #include "support/mpi_test.hpp"
@@ -222,22 +223,26 @@ TEST(IoFrames, NoParticlesAnywhere) {
   }
 }
 
-// Several pieces per rank and several chunks, whose borders are not those of the ranks, some of them incompressible.
+// Several pieces per rank and several chunks (of 2^15 rows). The second chunk ends with rank 0, rank 1 has a small part of
+// the third, and the other borders fall anywhere. `noise` can't be compressed.
 TEST(IoFrames, CompressedEqualsContiguous) {
   const Communicator world = Communicator::world();
   SharedTemporaryFolder folder;
   std::vector<Body<3>> bodies;
   bodies.emplace_back("block", 0, Precision::double_precision);
   FieldSet& set = bodies[0].particles;
-  set.resize(world.size() > 1 && world.rank() == 1 ? 100 : 70001);
-  std::uint64_t noise = 1 + world.rank();
+  const FieldId noise_column =
+      set.add({.name = "noise", .units = "1", .type = ScalarType::int64, .in_output = true});
+  set.resize(world.rank() == 0 ? 1 << 16 : world.rank() == 1 ? 100 : 70001);
+  std::mt19937_64 random(world.rank());
   for (FieldId f = 1; f < set.count(); ++f)
     for (int c = 0; c < set.traits(f).components; ++c)
       for (Index p = 0; p < set.size(); ++p) {
-        noise = noise * 6364136223846793005u + 1442695040888963407u;
+        const std::uint64_t noise = random();
         set_value(set, f, c, p, f == core::velocity && c == 0 ? 0 : static_cast<Real>(noise >> 11) * 1e-16);
+        if (f == noise_column) set.data<GlobalIndex>(f)[p] = static_cast<GlobalIndex>(noise);
       }
-  for (Index p = 0; p < set.size(); ++p) set.data<GlobalIndex>(core::id)[p] = p % 11 == 5 ? -1 : p;
+  for (Index p = 0; p < set.size(); ++p) set.data<GlobalIndex>(core::id)[p] = world.rank() > 0 && p % 11 == 5 ? -1 : p;
   for (const int deflate : {0, 6}) {
     const auto part = folder / std::to_string(deflate);
     if (world.root()) std::filesystem::create_directory(part);
@@ -248,7 +253,7 @@ TEST(IoFrames, CompressedEqualsContiguous) {
   if (world.root()) {
     const FrameFile contiguous(folder / "0/frame_000000.hdf"), compressed(folder / "6/frame_000000.hdf");
     for (const char* name : {"Points", "Connectivity", "Offsets", "Types", "PointData/id", "PointData/body",
-                             "PointData/velocity"}) {
+                             "PointData/velocity", "PointData/noise"}) {
       const Array expected = contiguous.read(name), found = compressed.read(name);
       EXPECT_FALSE(expected.chunked);
       EXPECT_TRUE(found.chunked);
@@ -269,7 +274,8 @@ TEST(IoFrames, Series) {
   const auto times_and_names = [&] {
     world.barrier();
     std::vector<std::pair<std::string, double>> entries;
-    for (const auto& entry : series_in(folder.path()).at("files")) entries.emplace_back(entry["name"], entry["time"]);
+    const nlohmann::json series = series_in(folder.path());
+    for (const auto& entry : series.at("files")) entries.emplace_back(entry["name"], entry["time"]);
     world.barrier();
     return entries;
   };

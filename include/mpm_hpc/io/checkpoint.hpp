@@ -51,7 +51,7 @@ struct CheckpointHeader {
 // Writes folder/checkpoint_STEP.h5: under a temporary name, synced, renamed. Then removes what is neither this file nor
 // the newest one of an earlier step; files of later steps belong to a course of the run that was given up. Padding is
 // left out, particles are ordered by identity. Throws FileError on all ranks, with all earlier checkpoints untouched.
-// Transient memory: about a seventh of the particles'. Returns the file. Collective.
+// Transient memory: about a tenth of the particles'. Returns the file. Collective.
 template <int Dim>
 std::filesystem::path write_checkpoint(const Communicator& communicator, const std::filesystem::path& folder,
                                        const CheckpointState& state, const std::vector<Body<Dim>>& bodies,

@@ -22,10 +22,10 @@ struct DerivedField {
 };
 
 struct FrameOptions {
-  std::vector<std::string> fields;  // names of columns and derived fields; empty: columns with in_output, all derived
+  std::vector<std::string> fields = {};  // names of columns and derived fields; empty: columns with in_output, all derived
   Precision precision = Precision::single_precision;  // of real columns; positions are always double
   int deflate = 0;                                    // 0: contiguous; 1 to 9: compressed, much slower
-  std::string where;                                  // place of `fields` in the scene, for messages
+  std::string where = {};                                  // place of `fields` in the scene, for messages
 };
 
 // All bodies of a frame are one grid with one partition per rank and an array "body" with the number of the body.

@@ -33,6 +33,7 @@ struct RunReport {
   std::vector<std::int64_t> peak_rss_bytes;  // of each rank
   std::vector<std::pair<std::string, StageTime>> stages;
   Real messages_per_step = 0, bytes_per_step = 0;  // over all ranks
+  GlobalIndex rebalances = 0;
   Real imbalance = 1;                              // largest over mean weight of a rank
   std::map<std::string, GlobalIndex> solver_iterations;
   std::map<std::string, GlobalIndex> guards;

@@ -1,8 +1,6 @@
 // The loops over particles, written once for all laws: every loop handles a pack of particles at a time.
 #pragma once
 
-#include <algorithm>
-
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/materials/material.hpp"
 #include "mpm_hpc/materials/material_update.hpp"
@@ -91,7 +89,7 @@ class MaterialLoops final : public Material<Dim> {
     for (Index p = begin; p < end; p += pack_width<T>) {
       const Tensor<S, Dim> a = load_tensor<S, Dim>(F, p);
       const S J = determinant(a);
-      // J - J is 0, or NaN for a J that is no finite number, which Pack's exp and max would not pass on.
+      // J - J is 0, or NaN for a J that is no finite number, which a maximum of packs may lose.
       const S k = law.stiffness_bound(a) + (J - J), w = law.wave_modulus(a) + (J - J);
       stiffness = maximum<S>(stiffness, select_less<S>(k, infinity, k, infinity));
       wave_modulus = maximum<S>(wave_modulus, select_less<S>(w, infinity, w, infinity));

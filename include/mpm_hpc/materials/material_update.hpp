@@ -15,7 +15,8 @@ namespace mpm {
 class Parameters;
 
 // What the step-size rules need of a set of particles. A NaN counts as +infinity in the two maxima and as
-// -infinity in the minimum, so that neither std::max nor a reduction over ranks can lose it.
+// -infinity in the minimum, so that neither std::max nor a reduction over ranks can lose it. The maxima are
+// never negative.
 struct MaterialLimits {
   Real stiffness = 0;     // max over particles of a bound of lambda_max(d tau_a / d ln s_b) [Pa]
   Real wave_modulus = 0;  // max over particles of a bound of max_a d tau_a / d ln s_a [Pa]; c^2 = this / rho0

@@ -143,12 +143,19 @@ inline S trace(const SymTensor<S, Dim>& a) {
   return sum;
 }
 
-// A - tr(A)/d I
+// A - tr(A)/d I, from differences of the diagonal, which vanish exactly where the entries agree.
 template <class S, int Dim>
 inline SymTensor<S, Dim> deviator(const SymTensor<S, Dim>& a) {
   SymTensor<S, Dim> c = a;
-  const S mean = broadcast<S>(1.0 / Dim) * trace(a);
-  for (int i = 0; i < Dim; ++i) c(i, i) -= mean;
+  if constexpr (Dim == 2) {
+    c(0, 0) = broadcast<S>(0.5) * (a(0, 0) - a(1, 1));
+    c(1, 1) = -c(0, 0);
+  } else {
+    const S xy = a(0, 0) - a(1, 1), yz = a(1, 1) - a(2, 2), zx = a(2, 2) - a(0, 0);
+    c(0, 0) = broadcast<S>(1.0 / 3) * (xy - zx);
+    c(1, 1) = broadcast<S>(1.0 / 3) * (yz - xy);
+    c(2, 2) = broadcast<S>(1.0 / 3) * (zx - yz);
+  }
   return c;
 }
 

@@ -1,6 +1,7 @@
 // Brings particles to their owners, sorts them, and rebuilds blocks and halo; re-balances when that pays.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "mpm_hpc/fields/particle_order.hpp"
@@ -48,9 +49,10 @@ class Distribution {
 
   // max/mean weight after the last redistribution.
   Real imbalance() const { return imbalance_; }
+  // Particles that the leave policy acted on here since the last call.
+  GlobalIndex take_removed() { return std::exchange(removed_, 0); }
+  GlobalIndex take_kept() { return std::exchange(kept_, 0); }
   // On this rank, since the start.
-  GlobalIndex removed() const { return removed_; }
-  GlobalIndex kept() const { return kept_; }
   GlobalIndex migrated() const { return migrated_; }
   int sorts() const { return sorts_; }
   int rebalances() const { return rebalances_; }

@@ -25,6 +25,7 @@ struct BodyDefinition {
 
 struct TimeOptions {
   Real end = 0;                   // [s]
+  std::string end_where, dt_where;  // their places in the scene, for messages
   std::string integrator = "explicit";
   Real cfl = 0.4;
   std::optional<Real> dt;         // fixed step [s]

@@ -39,6 +39,7 @@ class Run {
     bool due(Real time, Real dt) const;
   };
 
+  void refuse_unused_options(bool solvers_ran);
   void restart();
   Real choose_step();
   void loop();

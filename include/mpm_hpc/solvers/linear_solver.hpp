@@ -50,6 +50,9 @@ class LinearSolver {
   // `solution` holds the start values and then the solution; returns the number of iterations.
   int solve(const std::vector<Real>& rhs, std::vector<Real>& solution);
 
+  // Whether an option (with its dash) is addressed to a solver that exists.
+  static bool knows_prefix(const std::string& option);
+
   // What the matrix and the vectors take on this rank.
   std::size_t allocated_bytes() const;
 

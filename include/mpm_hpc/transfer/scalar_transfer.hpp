@@ -1,5 +1,5 @@
-// Transfers of scalar fields between particles and nodes, and the discrete Laplacian on the particles' quadrature: what
-// a diffusion-like effect (the phase field) needs of the grid.
+// Transfers of scalar fields between particles and nodes, and the discrete diffusion-reaction operator on the particles'
+// quadrature: what an effect such as the phase field needs of the grid.
 #pragma once
 
 #include <vector>
@@ -15,13 +15,22 @@ struct ScalarGrid {
   const BlockTopology<Dim>& topology;
 };
 
+// The particles' coefficients of the operator
+//   A_ij = sum_p k_p (D_p^-1 w_ip (x_i - x_p)) . (D_p^-1 w_jp (x_j - x_p)) + a_p w_ip w_jp
+// (H of physics.md section 5 in MLS form, and a reaction term that isn't lumped).
+template <class T>
+struct OperatorColumns {
+  const T* conductivity;        // k_p
+  const T* reaction = nullptr;  // a_p; none: 0
+};
+
 // What a chunk of particles puts onto the nodes.
 template <class T>
 class ValueSource {
  public:
   virtual ~ValueSource() = default;
-  // q[c][p - begin], four values per particle; conductivity[p - begin] = k_p of the Laplacian below.
-  virtual void values(Index begin, Index end, T* const* q, T* conductivity) = 0;
+  // q[c][p - begin], four values per particle; conductivity[p - begin] = k_p and reaction[p - begin] = a_p.
+  virtual void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) = 0;
 };
 
 // Receives the interpolated field and its gradient of a chunk.
@@ -33,16 +42,15 @@ class ValueSink {
   virtual void values(Index begin, Index end, const T* value, const T* const* gradient) = 0;
 };
 
-// nodes[n * node_values + c] += sum_p w_ip q_c, and diagonal[n] += the diagonal of the Laplacian
-//   H_ij = sum_p k_p (D_p^-1 w_ip (x_i - x_p)) . (D_p^-1 w_jp (x_j - x_p))     (physics.md section 5, MLS form).
+// nodes[n * node_values + c] += sum_p w_ip q_c, and diagonal[n] += A_nn.
 template <class Kernel, int Dim, class T>
 void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
                     ValueSource<T>& source, T* nodes, T* diagonal);
 
-// y += H x in one sweep, without forming H; conductivity is a particle column. One value per node.
+// y += A x in one sweep, without forming A. One value per node.
 template <class Kernel, int Dim, class T>
-void apply_laplacian(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                     const T* conductivity, const T* x, T* y);
+void apply_operator(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                    const OperatorColumns<T>& columns, const T* x, T* y);
 
 template <class Kernel, int Dim, class T>
 void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,

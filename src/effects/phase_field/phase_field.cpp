@@ -13,6 +13,7 @@ namespace {
 using Kernel = QuadraticKernel;
 constexpr double toughness_correction = 0.40;  // k of the quadratic kernel
 constexpr double broken = 0.1;                 // c below which a particle counts as broken
+constexpr double cracked_equilibrium = 1e-3;   // c at which the driving energy holds an initial crack on the grid
 
 }  // namespace
 
@@ -31,10 +32,22 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
                    .doc = "Mobility M_c of the crack evolution; without it the rate-independent equation is solved."});
   p.real("residual", residual_,
          {.min = 0, .max = 1, .max_exclusive = true, .doc = "Share r of the tensile stiffness that a broken particle keeps."});
+  // Without mobility the solution doesn't depend on c^n, and increments would add the smoothing of c^n at each step: the
+  // flanks of a crack would sink until it fills the plate. With a mobility, taking values would smooth c at each step.
+  std::string update = "auto";
+  p.choice("update", update, {"auto", "increment", "value"},
+           "Return of c to the particles, always without healing: by the grid's increment as in CD-MPM, or by its value; "
+           "auto takes increments with a mobility and values without.");
+  by_increment_ = update == "increment" || (update == "auto" && mobility_);
   std::string history = "current";
   p.choice("history", history, {"current", "maximum"},
            "Energy that drives the crack: the current tensile energy, or its running maximum.");
   running_maximum_ = history == "maximum";
+  std::string reaction = "consistent";
+  p.choice("reaction", reaction, {"consistent", "lumped"},
+           "The driving term on the grid: acting on c at the particles, or lumped onto the nodes as in CD-MPM, where an open "
+           "crack breaks all that shares a node with it.");
+  lumped_ = reaction == "lumped";
   p.boolean("corrected_toughness", corrected_,
             {.doc = "Divide the toughness by 1 + 0.40 h/l0, so that a crack costs fracture_toughness per area on this grid."});
   p.choice("operator", operator_, {"auto", "assembled", "matrix_free"},
@@ -64,8 +77,7 @@ template <int Dim>
 void PhaseField<Dim>::declare_fields(State<Dim>& state) {
   const Real spacing = state.geometry().spacing();
   part_of_body_.assign(state.bodies.size(), -1);
-  std::vector<std::size_t> bodies;
-  std::vector<FieldId> conductivity(state.bodies.size(), no_field);
+  std::vector<typename PhaseSystem<Dim>::Part> system_parts;
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     const Material<Dim>& material = state.material_of(b);
     if (!material.can_fracture()) continue;
@@ -82,12 +94,15 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
       part.law.toughness = corrected_toughness(part.law.toughness, spacing, part.law.length, toughness_correction);
     part.phase = f.add({.name = "phase", .units = "1", .type = real, .in_output = true, .initial = 1});
     part.conductivity = f.add({.name = "phase_conductivity", .units = "m^5", .type = real});
-    part.history =
-        running_maximum_ ? f.add({.name = "phase_history", .units = "J/m^3", .type = real}) : no_field;
+    part.reaction =
+        lumped_ ? no_field : f.add({.name = "phase_reaction", .units = "m^3", .type = real});
+    // With cracks from the start the column is the floor of the driving energy that keeps them open on the grid.
+    part.history = running_maximum_ || !cracks_.empty()
+                       ? f.add({.name = "phase_history", .units = "J/m^3", .type = real})
+                       : no_field;
     state.degradation[b] = {part.phase, residual_};
     part_of_body_[b] = static_cast<int>(parts_.size());
-    bodies.push_back(b);
-    conductivity[b] = part.conductivity;
+    system_parts.push_back({b, part.conductivity, part.reaction});
     parts_.push_back(part);
   }
   require(!parts_.empty(),
@@ -97,7 +112,7 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
   // Many iterations favour the matrix, few the sweep over the particles; without mobility there are many.
   if (operator_ == "auto") operator_ = mobility_ ? "matrix_free" : "assembled";
   system_ = std::make_unique<PhaseSystem<Dim>>(state, operator_ == "assembled", solver_options_);
-  system_->set_bodies(std::move(bodies), std::move(conductivity));
+  system_->set_parts(std::move(system_parts));
 }
 
 template <int Dim>
@@ -113,6 +128,7 @@ void PhaseField<Dim>::initialise(State<Dim>& state) {
         const bool cracked =
             std::any_of(cracks_.begin(), cracks_.end(), [&x](const Shape<Dim>& s) { return s.contains(x); });
         phase[p] = cracked ? T(0) : T(1);
+        if (cracked) f.template data<T>(part.history)[p] = static_cast<T>(part.law.energy_for(cracked_equilibrium));
       }
     }
   });
@@ -130,24 +146,26 @@ template <int Dim>
 template <class T>
 class PhaseField<Dim>::Source final : public ValueSource<T> {
  public:
-  Source(const State<Dim>& state, const BodyPart& part)
-      : material_(state.material_of(part.body)), law_(part.law), dt_(state.dt) {
+  Source(const State<Dim>& state, const BodyPart& part, bool running_maximum)
+      : material_(state.material_of(part.body)), law_(part.law), dt_(state.dt), running_maximum_(running_maximum) {
     const FieldSet& f = state.bodies[part.body].particles;
     for (int c = 0; c < Dim * Dim; ++c) F_[c] = f.template data<T>(core::deformation_gradient, c);
     mass_ = f.template data<T>(core::mass);
     volume_ = f.template data<T>(core::volume);
     phase_ = f.template data<T>(part.phase);
     conductivity_ = f.template data<T>(part.conductivity);
+    reaction_ = part.reaction == no_field ? nullptr : f.template data<T>(part.reaction);
     history_ = part.history == no_field ? nullptr : f.template data<T>(part.history);
   }
 
-  void values(Index begin, Index end, T* const* q, T* conductivity) override {
+  void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) override {
     using S = Pack<T>;
     using System = PhaseSystem<Dim>;
     T* energy = q[System::mass_term];
     material_.energy_plus(F_, begin, end, energy);
     if (history_)
-      for (Index p = begin; p < end; ++p) energy[p - begin] = history_[p] = std::max(history_[p], energy[p - begin]);
+      for (Index p = begin; p < end; ++p) energy[p - begin] = std::max(history_[p], energy[p - begin]);
+    if (running_maximum_) std::copy(energy, energy + (end - begin), history_ + begin);
     for (Index p = begin; p < end; p += pack_width<T>) {
       const Index i = p - begin;
       Tensor<S, Dim> F;
@@ -155,7 +173,10 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
       const S volume = determinant(F) * load<S>(volume_ + p), phase = load<S>(phase_ + p);
       const S present = select_less<S>(S::Zero(), load<S>(mass_ + p), S::Ones(), S::Zero());
       const S k = volume * static_cast<T>(law_.conductivity());
-      store(q[System::mass_term] + i, S(volume * law_.diagonal(load<S>(energy + i), dt_)));
+      const S drive = volume * law_.drive(load<S>(energy + i)), storage = volume * static_cast<T>(law_.storage(dt_));
+      store(q[System::mass_term] + i, reaction_ ? storage : S(storage + drive));
+      store(reaction + i, reaction_ ? drive : S::Zero());
+      if (reaction_) store(reaction_ + p, drive);
       store(q[System::right_hand_side] + i, S(volume * law_.right_hand_side(phase, dt_)));
       store(q[System::weighted_phase] + i, S(present * phase));
       store(q[System::weight] + i, present);
@@ -168,9 +189,10 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
   const Material<Dim>& material_;
   const PhaseLaw& law_;
   Real dt_;
+  bool running_maximum_;
   const T* F_[Dim * Dim];
   const T *mass_, *volume_, *phase_;
-  T *conductivity_, *history_;
+  T *conductivity_, *reaction_, *history_;
 };
 
 template <int Dim>
@@ -179,7 +201,7 @@ void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::ve
   const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    Source<T> source(state, parts_[part_of_body_[body]]);
+    Source<T> source(state, parts_[part_of_body_[body]], running_maximum_);
     scatter_values<Kernel>(grid, state.bodies[body], ranges, source, state.fields.template data<T>(system_->values()),
                            state.fields.template data<T>(system_->diagonal()));
   });
@@ -188,7 +210,7 @@ void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::ve
 template <int Dim>
 void PhaseField<Dim>::solve(State<Dim>& state) {
   auto s = state.timers.scope("phase solve");
-  const int iterations = system_->solve(state);
+  const int iterations = system_->solve(state, by_increment_ ? PhaseSystem<Dim>::Result::increment : PhaseSystem<Dim>::Result::value);
   SolverWork& work = state.solvers["phase_field"];
   ++work.solves;
   work.iterations += iterations;
@@ -197,13 +219,15 @@ void PhaseField<Dim>::solve(State<Dim>& state) {
 
 namespace {
 
-// c <- max(0, min(c, c + increment)): what is broken doesn't heal.
+// c <- max(0, min(c, c + sum w (c^{n+1} - c^n))), or with sum w c^{n+1} as the second: what is broken doesn't heal.
 template <class T, int Dim>
 struct NoHealing final : ValueSink<T> {
   T* phase;
-  void values(Index begin, Index end, const T* increment, const T* const*) override {
+  bool by_increment;
+  void values(Index begin, Index end, const T* result, const T* const*) override {
+    const T kept = by_increment ? T(1) : T(0);
     for (Index p = begin; p < end; ++p)
-      phase[p] = std::max(T(0), std::min(phase[p], phase[p] + increment[p - begin]));
+      phase[p] = std::max(T(0), std::min(phase[p], kept * phase[p] + result[p - begin]));
   }
 };
 
@@ -216,8 +240,9 @@ void PhaseField<Dim>::update(State<Dim>& state, std::size_t body, const std::vec
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     NoHealing<T, Dim> sink;
+    sink.by_increment = by_increment_;
     sink.phase = state.bodies[body].particles.template data<T>(parts_[part_of_body_[body]].phase);
-    gather_scalar<Kernel>(grid, state.bodies[body], ranges, state.fields.template data<T>(system_->increment()), sink);
+    gather_scalar<Kernel>(grid, state.bodies[body], ranges, state.fields.template data<T>(system_->result()), sink);
   });
 }
 
@@ -228,11 +253,11 @@ class PhaseField<Dim>::PhaseOnly final : public ValueSource<T> {
  public:
   PhaseOnly(const FieldSet& f, const BodyPart& part)
       : mass_(f.template data<T>(core::mass)), phase_(f.template data<T>(part.phase)) {}
-  void values(Index begin, Index end, T* const* q, T* conductivity) override {
+  void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) override {
     using System = PhaseSystem<Dim>;
     for (Index p = begin; p < end; ++p) {
       const T present = mass_[p] > 0 ? T(1) : T(0);
-      q[System::mass_term][p - begin] = q[System::right_hand_side][p - begin] = conductivity[p - begin] = 0;
+      q[System::mass_term][p - begin] = q[System::right_hand_side][p - begin] = conductivity[p - begin] = reaction[p - begin] = 0;
       q[System::weighted_phase][p - begin] = present * phase_[p];
       q[System::weight][p - begin] = present;
     }
@@ -285,7 +310,7 @@ Real PhaseField<Dim>::crack_energy(State<Dim>& state) {
       CrackEnergy<T, Dim> sink(part.law, body.particles.template data<T>(core::volume),
                                body.particles.template data<T>(part.phase));
       for (const auto* ranges : {&body.boundary, &body.interior})
-        gather_scalar<Kernel>(grid, body, *ranges, fields.template data<T>(system_->increment()), sink);
+        gather_scalar<Kernel>(grid, body, *ranges, fields.template data<T>(system_->result()), sink);
       energy += sink.energy;
     }
     return energy;

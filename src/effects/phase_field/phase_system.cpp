@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "mpm_hpc/math/bspline.hpp"
-#include "mpm_hpc/transfer/laplacian_stencil.hpp"
+#include "mpm_hpc/transfer/operator_stencil.hpp"
 
 namespace mpm {
 
@@ -21,7 +21,7 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, bool assembled, const LinearSol
   GridFields& f = state.fields;
   values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = true});
   diagonal_ = f.add({.name = "phase_diagonal", .units = "1", .sums_ghosts = true});
-  increment_ = f.add({.name = "phase_increment", .units = "1", .fills_ghosts = true});
+  result_ = f.add({.name = "phase_result", .units = "1", .fills_ghosts = true});
   if (assembled_) {
     constexpr int entries = HalfStencil<Kernel, Dim>::size;
     stencil_ = f.add({.name = "phase_stencil", .units = "1", .components = entries, .halo_components = entries});
@@ -33,9 +33,11 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, bool assembled, const LinearSol
 }
 
 template <int Dim>
-void PhaseSystem<Dim>::set_bodies(std::vector<std::size_t> bodies, std::vector<FieldId> conductivity) {
-  bodies_ = std::move(bodies);
-  conductivity_ = std::move(conductivity);
+template <class T>
+OperatorColumns<T> PhaseSystem<Dim>::columns(const State<Dim>& state, const Part& part) const {
+  const FieldSet& f = state.bodies[part.body].particles;
+  return {f.template data<T>(part.conductivity),
+          part.reaction == no_field ? nullptr : f.template data<T>(part.reaction)};
 }
 
 template <int Dim>
@@ -61,20 +63,19 @@ void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
 template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
-  state.fields.zero(increment_);
+  state.fields.zero(result_);
   state.fields.zero(product_);
-  T* in = state.fields.template data<T>(increment_);
+  T* in = state.fields.template data<T>(result_);
   T* out = state.fields.template data<T>(product_);
   for (std::size_t r = 0; r < rows_.size(); ++r) in[rows_[r]] = static_cast<T>(x[r]);
   const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
   auto sweep = [&](bool boundary) {
-    for (std::size_t b : bodies_) {
-      const Body<Dim>& body = state.bodies[b];
-      apply_laplacian<Kernel>(grid, body, boundary ? body.boundary : body.interior,
-                              body.particles.template data<T>(conductivity_[b]), in, out);
+    for (const Part& part : parts_) {
+      const Body<Dim>& body = state.bodies[part.body];
+      apply_operator<Kernel>(grid, body, boundary ? body.boundary : body.interior, columns<T>(state, part), in, out);
     }
   };
-  state.halo().start_fill(state.fields, {increment_});
+  state.halo().start_fill(state.fields, {result_});
   sweep(false);
   state.halo().finish_fill();
   sweep(true);
@@ -93,10 +94,10 @@ void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
   fields.zero(stencil_);
   T* stencil = fields.template data<T>(stencil_);
   const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
-  for (std::size_t b : bodies_) {
-    const Body<Dim>& body = state.bodies[b];
+  for (const Part& part : parts_) {
+    const Body<Dim>& body = state.bodies[part.body];
     for (const auto* ranges : {&body.boundary, &body.interior})
-      scatter_laplacian_stencil<Kernel>(grid, body, *ranges, body.particles.template data<T>(conductivity_[b]), stencil);
+      scatter_operator_stencil<Kernel>(grid, body, *ranges, columns<T>(state, part), stencil);
   }
   state.halo().sum(fields, {stencil_});
 
@@ -140,7 +141,7 @@ void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
 
 template <int Dim>
 template <class T>
-int PhaseSystem<Dim>::solve_in(State<Dim>& state) {
+int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
   find_rows<T>(state);
   const GlobalIndex first_row = solver_.set_rows(static_cast<int>(rows_.size()));
   if (assembled_) {
@@ -152,16 +153,33 @@ int PhaseSystem<Dim>::solve_in(State<Dim>& state) {
     solver_.set_operator([this, &state](const Real* x, Real* y) { apply<T>(state, x, y); }, std::move(diagonal));
   }
   solution_ = start_;
+  if (result == Result::value) start_from_last_solution(state);
   const int iterations = solver_.solve(rhs_, solution_);
-  state.fields.zero(increment_);
-  T* increment = state.fields.template data<T>(increment_);
-  for (std::size_t r = 0; r < rows_.size(); ++r) increment[rows_[r]] = static_cast<T>(solution_[r] - start_[r]);
+  if (result == Result::value) keep_solution(state);
+  state.fields.zero(result_);
+  T* out = state.fields.template data<T>(result_);
+  for (std::size_t r = 0; r < rows_.size(); ++r)
+    out[rows_[r]] = static_cast<T>(result == Result::value ? solution_[r] : solution_[r] - start_[r]);
   return iterations;
 }
 
 template <int Dim>
-int PhaseSystem<Dim>::solve(State<Dim>& state) {
-  return with_precision(state.precision, [&](auto zero) { return solve_in<decltype(zero)>(state); });
+void PhaseSystem<Dim>::start_from_last_solution(const State<Dim>& state) {
+  if (last_sort_ != state.distribution.sorts()) return;
+  for (std::size_t r = 0; r < rows_.size(); ++r)
+    if (const Real last = last_solution_[rows_[r]]; last != no_value) solution_[r] = last;
+}
+
+template <int Dim>
+void PhaseSystem<Dim>::keep_solution(const State<Dim>& state) {
+  last_sort_ = state.distribution.sorts();
+  last_solution_.assign(static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>, no_value);
+  for (std::size_t r = 0; r < rows_.size(); ++r) last_solution_[rows_[r]] = solution_[r];
+}
+
+template <int Dim>
+int PhaseSystem<Dim>::solve(State<Dim>& state, Result result) {
+  return with_precision(state.precision, [&](auto zero) { return solve_in<decltype(zero)>(state, result); });
 }
 
 template <int Dim>
@@ -169,16 +187,16 @@ void PhaseSystem<Dim>::project_phase(State<Dim>& state) {
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     find_rows<T>(state);
-    state.fields.zero(increment_);
-    T* phase = state.fields.template data<T>(increment_);
+    state.fields.zero(result_);
+    T* phase = state.fields.template data<T>(result_);
     for (std::size_t r = 0; r < rows_.size(); ++r) phase[rows_[r]] = static_cast<T>(start_[r]);
   });
-  state.halo().fill(state.fields, {increment_});
+  state.halo().fill(state.fields, {result_});
 }
 
 template <int Dim>
 std::size_t PhaseSystem<Dim>::allocated_bytes() const {
-  return solver_.allocated_bytes() + rows_.capacity() * sizeof(std::size_t) +
+  return solver_.allocated_bytes() + last_solution_.capacity() * sizeof(Real) + rows_.capacity() * sizeof(std::size_t) +
          (mass_.capacity() + rhs_.capacity() + solution_.capacity() + start_.capacity()) * sizeof(Real) +
          matrix_.values.capacity() * sizeof(Real) + (matrix_.columns.capacity() + matrix_.starts.capacity()) * sizeof(int);
 }

@@ -73,6 +73,7 @@ void Traction<Dim>::initialise(State<Dim>& state) {
 template <int Dim>
 void Traction<Dim>::join(StepHooks<Dim>& hooks) {
   hooks.before_p2g.push_back([this](State<Dim>& state) { load(state); });
+  hooks.after_g2p.push_back([this](State<Dim>& state) { account(state); });
 }
 
 // Once per run: particles that are deleted later take their share of the load with them.
@@ -97,12 +98,12 @@ void Traction<Dim>::measure(State<Dim>& state) {
           where_shape_, name_);
 }
 
+// Calls f(velocity component, its mass, its impulse in this step [N s]) for each loaded particle and direction.
 template <int Dim>
-void Traction<Dim>::load(State<Dim>& state) {
-  if (volume_ == 0) measure(state);
+template <class F>
+void Traction<Dim>::for_loaded(State<Dim>& state, F&& f) const {
   const Vec<Dim> impulse_per_volume =
       state.dt * ramp_.mean(state.time, state.dt) * area_ / volume_ * traction_;  // [N s/m^3]
-  Real work = 0;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for (std::size_t b = 0; b < state.bodies.size(); ++b) {
@@ -113,16 +114,28 @@ void Traction<Dim>::load(State<Dim>& state) {
       const T* mass = body.particles.template data<T>(core::mass);
       for (Index p = 0; p < body.particles.size(); ++p) {
         if (!(mark[p] > 0 && mass[p] > 0)) continue;
-        for (int a = 0; a < Dim; ++a) {
-          T& velocity = body.particles.template data<T>(core::velocity, a)[p];
-          const Real before = velocity;
-          velocity = static_cast<T>(before + impulse_per_volume[a] * volume[p] / mass[p]);
-          const Real after = velocity;
-          work += mass[p] * (after - before) * (before + after) / 2;
-        }
+        for (int a = 0; a < Dim; ++a)
+          f(body.particles.template data<T>(core::velocity, a)[p], static_cast<Real>(mass[p]),
+            impulse_per_volume[a] * volume[p]);
       }
     }
   });
+}
+
+template <int Dim>
+void Traction<Dim>::load(State<Dim>& state) {
+  if (volume_ == 0) measure(state);
+  for_loaded(state, [](auto& velocity, Real mass, Real impulse) {
+    velocity = static_cast<std::decay_t<decltype(velocity)>>(velocity + impulse / mass);
+  });
+}
+
+// Force times the way of the particles it acts on: what the transfer makes of the impulse, not the impulse itself, moves
+// the load.
+template <int Dim>
+void Traction<Dim>::account(State<Dim>& state) {
+  Real work = 0;
+  for_loaded(state, [&work](const auto& velocity, Real, Real impulse) { work += impulse * velocity; });
   state.ledger["external_work"] += work;
 }
 

@@ -136,7 +136,7 @@ Eigen::MatrixXd matrix_of(const Map& map) {
     Mat<Dim> unit = Mat<Dim>::Zero();
     unit.data()[k] = 1;
     const Mat<Dim> image = map(unit);
-    m.col(k) = Eigen::Map<const Eigen::Matrix<double, Dim * Dim, 1>>(image.data());
+    for (int row = 0; row < Dim * Dim; ++row) m(row, k) = image.data()[row];
   }
   return m;
 }

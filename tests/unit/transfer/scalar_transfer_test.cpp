@@ -1,8 +1,8 @@
-// Scalar transfers and the Laplacian in its three forms (matrix-free, diagonal, stencil) against plain sums.
+// Scalar transfers and the diffusion-reaction operator in its three forms (matrix-free, diagonal, stencil) against plain sums.
 #include <gtest/gtest.h>
 
 #include "../../support/serial_grid.hpp"
-#include "mpm_hpc/transfer/laplacian_stencil.hpp"
+#include "mpm_hpc/transfer/operator_stencil.hpp"
 
 using namespace mpm;
 using namespace mpm::test;
@@ -11,11 +11,12 @@ namespace {
 
 template <class T>
 struct Given : ValueSource<T> {
-  const T *mass, *conductivity;
-  void values(Index begin, Index end, T* const* q, T* k) override {
+  const T *mass, *conductivity, *reaction;
+  void values(Index begin, Index end, T* const* q, T* k, T* a) override {
     for (Index p = begin; p < end; ++p) {
       for (int c = 0; c < 4; ++c) q[c][p - begin] = static_cast<T>(c + 1) * mass[p];
       k[p - begin] = conductivity[p];
+      a[p - begin] = reaction[p];
     }
   }
 };
@@ -68,11 +69,16 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
   const FieldId stencil = fields.add({.name = "stencil", .components = half});
   fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
   for (FieldId f : {nodes, diagonal, x, y, stencil}) fields.zero(f);
-  // The particles' volume serves as conductivity (0 for padding), their mass as the scattered value.
+  // The particles' volume serves as conductivity (0 for padding), their mass as the scattered value and, scaled up so
+  // that it is seen beside k / h^2, as reaction.
   const T* conductivity = body.particles.template data<T>(core::volume);
   Given<T> source;
   source.mass = body.particles.template data<T>(core::mass);
   source.conductivity = conductivity;
+  std::vector<T, Eigen::aligned_allocator<T>> reaction(body.particles.size());
+  for (Index p = 0; p < body.particles.size(); ++p) reaction[p] = 300 * source.mass[p];
+  source.reaction = reaction.data();
+  const OperatorColumns<T> columns{conductivity, reaction.data()};
   const ScalarGrid<Dim> grid{geometry, topology};
   ReferenceGrid<Dim> reference(geometry);
   std::vector<Real> in(reference.mass.size());
@@ -83,10 +89,9 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
 
   scatter_values<QuadraticKernel>(grid, body, all_ranges(body), source, fields.template data<T>(nodes),
                                   fields.template data<T>(diagonal));
-  apply_laplacian<QuadraticKernel>(grid, body, all_ranges(body), conductivity, fields.template data<T>(x),
-                                   fields.template data<T>(y));
-  scatter_laplacian_stencil<QuadraticKernel>(grid, body, all_ranges(body), conductivity,
-                                             fields.template data<T>(stencil));
+  apply_operator<QuadraticKernel>(grid, body, all_ranges(body), columns, fields.template data<T>(x),
+                                  fields.template data<T>(y));
+  scatter_operator_stencil<QuadraticKernel>(grid, body, all_ranges(body), columns, fields.template data<T>(stencil));
   Collected<T, Dim> sink;
   sink.value.resize(body.particles.size());
   sink.gradient.resize(body.particles.size());
@@ -115,7 +120,7 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
     });
     for (const Term& i : terms)
       for (const Term& j : terms) {
-        const Real h = p.volume * i.g.dot(j.g);
+        const Real h = p.volume * i.g.dot(j.g) + 300 * p.mass * i.w * j.w;
         out[reference.index(i.node)] += h * in[reference.index(j.node)];
         if (i.node == j.node) diag[reference.index(i.node)] += h;
         entries[reference.index(i.node)][HalfStencil<QuadraticKernel, Dim>::number(j.node - i.node)] += h;

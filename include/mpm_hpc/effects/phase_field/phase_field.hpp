@@ -32,7 +32,7 @@ class PhaseField final : public Effect<Dim> {
   struct BodyPart {
     std::size_t body;
     PhaseLaw law;
-    FieldId phase, conductivity, history;  // history == no_field: the current energy drives
+    FieldId phase, conductivity, reaction, history;  // history: lower bound of the driving energy, or no_field
   };
   template <class T>
   class Source;
@@ -47,7 +47,7 @@ class PhaseField final : public Effect<Dim> {
   std::optional<Real> length_;  // l0 [m]; default h / 2
   std::optional<Real> mobility_;  // M_c [1/s]; none: rate-independent
   Real residual_ = 1e-3;
-  bool running_maximum_ = false, corrected_ = true;
+  bool running_maximum_ = false, corrected_ = true, lumped_ = false, by_increment_ = false;
   std::string operator_ = "auto";
   LinearSolverOptions solver_options_;
   std::vector<Shape<Dim>> cracks_;

@@ -20,14 +20,13 @@ struct PhaseLaw {
   S drive(const S& history) const {
     return broadcast<S>(4 * length * (1 - residual) / toughness) * history;
   }
-  template <class S>
-  S diagonal(const S& history, double dt) const {
-    return drive(history) + broadcast<S>(1 + inverse_mobility / dt);
-  }
+  double storage(double dt) const { return 1 + inverse_mobility / dt; }
   template <class S>
   S right_hand_side(const S& phase, double dt) const {
     return broadcast<S>(1.0) + broadcast<S>(inverse_mobility / dt) * phase;
   }
+  // The energy at which a homogeneous c = 1 / (1 + 4 l0 (1 - r) H / G_c) has this value.
+  double energy_for(double phase) const { return (1 / phase - 1) * toughness / (4 * length * (1 - residual)); }
   double conductivity() const { return 4 * length * length; }
   // G_c ((c - 1)^2 / (4 l0) + l0 |grad c|^2) [J/m^3].
   double energy_density(double phase, double gradient_squared) const {

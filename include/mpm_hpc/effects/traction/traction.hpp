@@ -25,6 +25,9 @@ class Traction final : public Effect<Dim> {
  private:
   void measure(State<Dim>& state);
   void load(State<Dim>& state);
+  void account(State<Dim>& state);
+  template <class F>
+  void for_loaded(State<Dim>& state, F&& f) const;
 
   std::string name_;  // of its particle column: 1 for particles that carry the load, 0 for others
   std::string where_shape_, where_bodies_;

@@ -1,4 +1,4 @@
-#include "mpm_hpc/transfer/laplacian_stencil.hpp"
+#include "mpm_hpc/transfer/operator_stencil.hpp"
 
 #include <algorithm>
 
@@ -19,16 +19,16 @@ class CellSums {
   static_assert(pairs <= padded);
 
   // W[a][n m] = w_n w_m and K[a][n m] = (w_n d_n)(w_m d_m).
-  void add(const T (*W)[padded], const T (*K)[padded], T k) {
+  void add(const T (*W)[padded], const T (*K)[padded], T k, T reaction) {
     for (int line = 0; line < lines; ++line) {
       T squares, moments;
       if constexpr (Dim == 2) {
         squares = k * W[0][line];
-        moments = k * K[0][line];
+        moments = k * K[0][line] + reaction * W[0][line];
       } else {
         const int x = line / pairs, y = line % pairs;
         squares = k * W[0][x] * W[1][y];
-        moments = k * (K[0][x] * W[1][y] + W[0][x] * K[1][y]);
+        moments = k * (K[0][x] * W[1][y] + W[0][x] * K[1][y]) + reaction * W[0][x] * W[1][y];
       }
       for (int z = 0; z < padded; ++z) sums_[line][z] += moments * W[Dim - 1][z] + squares * K[Dim - 1][z];
     }
@@ -76,8 +76,8 @@ class CellSums {
 }  // namespace
 
 template <class Kernel, int Dim, class T>
-void scatter_laplacian_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                               const T* conductivity, T* stencil) {
+void scatter_operator_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                              const OperatorColumns<T>& columns, T* stencil) {
   using Sums = CellSums<Kernel, Dim, T>;
   constexpr int W = pack_width<T>;
   Sums sums;
@@ -108,7 +108,7 @@ void scatter_laplacian_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bod
           if (cell[0] >= 0) sums.flush(grid.topology, range.slot, cell, stencil);
           cell = first;
         }
-        sums.add(pair_w, pair_k, scale2 * conductivity[p + l]);
+        sums.add(pair_w, pair_k, scale2 * columns.conductivity[p + l], columns.reaction ? columns.reaction[p + l] : T(0));
       }
     }
     if (cell[0] >= 0) sums.flush(grid.topology, range.slot, cell, stencil);
@@ -116,8 +116,9 @@ void scatter_laplacian_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bod
 }
 
 #define MPM_INSTANTIATE(Dim, T)                                                                            \
-  template void scatter_laplacian_stencil<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, \
-                                                                   const std::vector<int>&, const T*, T*);
+  template void scatter_operator_stencil<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,  \
+                                                                  const std::vector<int>&,                   \
+                                                                  const OperatorColumns<T>&, T*);
 MPM_INSTANTIATE(2, float)
 MPM_INSTANTIATE(2, double)
 MPM_INSTANTIATE(3, float)

@@ -1,4 +1,4 @@
-// The discrete Laplacian as one stencil per node, a grid field like any other: ghost rows travel to their owners with the
+// The diffusion-reaction operator as one stencil per node, a grid field like any other: ghost rows travel to their owners with the
 // halo sum, so that the assembled matrix is filled row by row.
 #pragma once
 
@@ -8,8 +8,8 @@
 
 namespace mpm {
 
-// H is symmetric, so a node keeps the entries to itself and to the nodes after it in lexicographic order. Entry
-// `half_stencil_entry(offset)` of node i is H_i,i+offset.
+// A is symmetric, so a node keeps the entries to itself and to the nodes after it in lexicographic order. Entry
+// `half_stencil_entry(offset)` of node i is A_i,i+offset.
 template <class Kernel, int Dim>
 struct HalfStencil {
   static constexpr int reach = Kernel::support - 1;
@@ -31,9 +31,9 @@ struct HalfStencil {
   }
 };
 
-// stencil[n * HalfStencil::size + e] += the entries of H (see scalar_transfer.hpp).
+// stencil[n * HalfStencil::size + e] += the entries of A (see scalar_transfer.hpp).
 template <class Kernel, int Dim, class T>
-void scatter_laplacian_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                               const T* conductivity, T* stencil);
+void scatter_operator_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                              const OperatorColumns<T>& columns, T* stencil);
 
 }  // namespace mpm

@@ -1,0 +1,61 @@
+// The plain explicit step that the production step is measured against: one particle at a time, Eigen, a dense grid,
+// double precision, no sorting. What one would write first.
+#pragma once
+
+#include <Eigen/LU>
+#include <cmath>
+#include <vector>
+
+#include "mpm_hpc/transfer/reference_transfer.hpp"
+
+namespace mpm {
+
+// Both laws written plainly from their equations; see materials/neo_hookean.hpp and split_neo_hookean.hpp.
+struct ReferenceMaterial {
+  Real mu = 0, lambda = 0;  // [Pa]
+  bool split = false;
+
+  template <int Dim>
+  Mat<Dim> kirchhoff_stress(const Mat<Dim>& F) const {
+    const Mat<Dim> b = F * F.transpose(), identity = Mat<Dim>::Identity();
+    const Real J = F.determinant();
+    if (!split) return mu * (b - identity) + lambda * std::log(J) * identity;
+    const Real kappa = lambda + 2 * mu / Dim;
+    return mu * std::pow(J, -2.0 / Dim) * (b - b.trace() / Dim * identity) + kappa / 2 * (J * J - 1) * identity;
+  }
+};
+
+template <class Kernel, int Dim>
+class ReferenceSimulation {
+ public:
+  ReferenceSimulation(const GridGeometry<Dim>& geometry, std::vector<ReferenceParticle<Dim>> particles,
+                      const ReferenceMaterial& material)
+      : geometry_(geometry), particles_(std::move(particles)), material_(material), grid_(geometry) {}
+
+  void step(Real dt) {
+    for (ReferenceParticle<Dim>& p : particles_) p.tau = material_.kirchhoff_stress<Dim>(p.F);
+    grid_.clear();
+    reference_particle_to_grid<Kernel>(geometry_, particles_, dt, grid_);
+    for (std::size_t i = 0; i < grid_.mass.size(); ++i)
+      if (grid_.mass[i] > 0) grid_.momentum[i] /= grid_.mass[i];
+    reference_grid_to_particle<Kernel>(geometry_, grid_, dt, particles_);
+  }
+
+  // Sends the particles back where they came from.
+  void reverse() {
+    for (ReferenceParticle<Dim>& p : particles_) {
+      p.v = -p.v;
+      p.C = -p.C;
+    }
+  }
+
+  const std::vector<ReferenceParticle<Dim>>& particles() const { return particles_; }
+
+ private:
+  GridGeometry<Dim> geometry_;
+  std::vector<ReferenceParticle<Dim>> particles_;
+  ReferenceMaterial material_;
+  ReferenceGrid<Dim> grid_;
+};
+
+}  // namespace mpm
