@@ -1,4 +1,4 @@
-// The 3D step: particle-steps per second and core against the plain reference step, and bytes per particle. See README.md.
+// The 3D step: particle-steps per second and core against the plain reference step, and bytes per particle.
 #include <benchmark/benchmark.h>
 #include <mpi.h>
 
@@ -46,14 +46,14 @@ struct Elasticity {
 };
 
 std::string scene_text(const Case& c) {
-  const Real wave = Elasticity().wave_speed, lower = free_cells * spacing, upper = (free_cells + c.cells) * spacing,
-             end = (2 * free_cells + c.cells) * spacing, speed = flight * wave;
+  const Real wave = Elasticity().wave_speed, speed = flight * wave;
+  const Real lower = free_cells * spacing, upper = lower + c.cells * spacing, end = upper + free_cells * spacing;
   std::string text = fmt::format(
       "dimension = 3\nprecision = \"{}\"\n"
       "[domain]\nlower = [0, 0, 0]\nupper = [{}, {}, {}]\n[grid]\nspacing = {}\n[time]\nend = 1\n"
       "[material.block]\nmodel = \"{}\"\ndensity = {}\nyoungs_modulus = {}\npoisson_ratio = {}\n",
-      c.single ? "single" : "double", end, end, end, spacing, c.split ? "split_neo_hookean" : "neo_hookean", density,
-      youngs_modulus, poisson_ratio);
+      c.single ? "single" : "double", end, end, end, spacing, c.split ? "split_neo_hookean" : "neo_hookean",
+      density, youngs_modulus, poisson_ratio);
   // Tough enough that the phase stays near 1.
   if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", 0.1 * youngs_modulus * spacing);
   text += fmt::format(
@@ -61,7 +61,8 @@ std::string scene_text(const Case& c) {
       "velocity = [{}, {}, {}]\n[body.shape]\ntype = \"box\"\nlower = [{}, {}, {}]\nupper = [{}, {}, {}]\n",
       speed, 0.7 * speed, 0.4 * speed, lower, lower, lower, upper, upper, upper);
   if (c.phase != Phase::none) text += "[effect.phase_field]\n";
-  if (c.phase == Phase::mobility) text += fmt::format("mobility = {}\n", 1e-3 * (1 + flight) * wave / (cfl * spacing));
+  if (c.phase == Phase::mobility)
+    text += fmt::format("mobility = {}\n", 1e-3 * (1 + flight) * wave / (cfl * spacing));
   return text;
 }
 
@@ -192,9 +193,10 @@ void bench_step(benchmark::State& bench, const Communicator& communicator, const
     plain.phase = Phase::none;
     elastic = std::make_unique<Production>(communicator, plain);
   }
-  const std::vector<ReferenceParticle<3>> particles = production.reference_particles();
+  std::vector<ReferenceParticle<3>> particles = production.reference_particles();
+  const GridGeometry<3> reference_geometry = production.reference_geometry(particles);
   const Elasticity elasticity;
-  ReferenceSimulation<QuadraticKernel, 3> reference(production.reference_geometry(particles), particles,
+  ReferenceSimulation<QuadraticKernel, 3> reference(reference_geometry, std::move(particles),
                                                     {elasticity.mu, elasticity.lambda, c.split});
   const Real reference_dt = cfl * spacing / ((1 + flight + stretching) * elasticity.wave_speed);
 
@@ -273,7 +275,8 @@ void register_benchmarks(const Communicator& communicator, bool large) {
         for (const Phase phase : {Phase::none, Phase::mobility, Phase::rate_independent}) {
           if (phase != Phase::none && !split) continue;
           const Case c{single, split, phase, size.cells};
-          add(fmt::format("step/{}/{}/{}/{}", single ? "single" : "double", split ? "split_neo_hookean" : "neo_hookean",
+          add(fmt::format("step/{}/{}/{}/{}", single ? "single" : "double",
+                          split ? "split_neo_hookean" : "neo_hookean",
                           phase == Phase::none       ? "elastic"
                           : phase == Phase::mobility ? "phase_mobility"
                                                      : "phase_rate_independent",

@@ -8,8 +8,8 @@
 
 namespace mpm {
 
-// Wall time, or the process's CPU time where others keep the machine busy (waiting ranks poll, so that both agree on an
-// idle machine).
+// Wall time, or the process's CPU time where others keep the machine busy; waiting ranks poll, so that both agree
+// on an idle machine.
 inline clockid_t clock_of_benchmarks = CLOCK_MONOTONIC;
 
 inline double seconds_now() {

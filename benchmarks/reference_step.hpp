@@ -1,5 +1,5 @@
-// The plain explicit step that the production step is measured against: one particle at a time, Eigen, a dense grid,
-// double precision, no sorting. What one would write first.
+// The plain explicit step that the production step is measured against: one particle at a time, Eigen, a dense
+// grid, double precision, no sorting. What one would write first.
 #pragma once
 
 #include <Eigen/LU>
@@ -21,7 +21,8 @@ struct ReferenceMaterial {
     const Real J = F.determinant();
     if (!split) return mu * (b - identity) + lambda * std::log(J) * identity;
     const Real kappa = lambda + 2 * mu / Dim;
-    return mu * std::pow(J, -2.0 / Dim) * (b - b.trace() / Dim * identity) + kappa / 2 * (J * J - 1) * identity;
+    const Mat<Dim> deviator = b - b.trace() / Dim * identity;
+    return mu * std::pow(J, -2.0 / Dim) * deviator + kappa / 2 * (J * J - 1) * identity;
   }
 };
 

@@ -16,7 +16,9 @@ inline constexpr const char* numbers_group = "numbers";
 inline constexpr const char* bodies_group = "bodies";
 
 // Bodies are numbered, so that their names may hold any character; the name is an attribute.
-inline std::string body_path(std::size_t body) { return std::string(bodies_group) + "/" + std::to_string(body); }
+inline std::string body_path(std::size_t body) {
+  return std::string(bodies_group) + "/" + std::to_string(body);
+}
 inline std::string column_path(std::size_t body, const std::string& column) {
   return body_path(body) + "/" + column;
 }
@@ -26,7 +28,8 @@ struct File {
   std::filesystem::path path;
 };
 
-// Checkpoints of a folder in the order of their steps; not those that are still being written. Not collective.
+// Checkpoints of a folder in the order of their steps; not those that are still being written. Not
+// collective.
 std::vector<File> list(const std::filesystem::path& folder);
 
 }  // namespace mpm::checkpoint

@@ -41,8 +41,8 @@ void check_container(const std::filesystem::path& file) {
   const FileDescriptor descriptor(file, O_RDONLY);
   const std::uint64_t size = descriptor.size();
   if (size == 0) fail(file, "is empty; restart from the checkpoint before it or from a copy");
-  // Superblock version 2 or 3 (HDF5 File Format Specification 3.0, section II.A): signature, version, sizes of offsets
-  // and lengths, flags, then base address, extension and end of file.
+  // Superblock version 2 or 3 (HDF5 File Format Specification 3.0, section II.A): signature, version, sizes
+  // of offsets and lengths, flags, then base address, extension and end of file.
   unsigned char superblock[36] = {};
   descriptor.read(0, superblock, std::min<std::uint64_t>(size, sizeof(superblock)));
   constexpr unsigned char signature[8] = {0x89, 'H', 'D', 'F', '\r', '\n', 0x1a, '\n'};
@@ -52,8 +52,9 @@ void check_container(const std::filesystem::path& file) {
   if (size >= sizeof(superblock) && (superblock[8] == 2 || superblock[8] == 3) && superblock[9] == 8)
     std::memcpy(&end, superblock + 28, sizeof(end));
   if (size < end)
-    fail(file, fmt::format("is cut short ({} of {} bytes); restart from the checkpoint before it or from a copy", size,
-                           end));
+    fail(file,
+         fmt::format("is cut short ({} of {} bytes); restart from the checkpoint before it or from a copy",
+                     size, end));
 }
 
 template <class T>
@@ -63,14 +64,16 @@ T need(const std::filesystem::path& file, std::optional<T> value, const std::str
 }
 
 template <class T>
-void check_sum(const std::filesystem::path& file, const Hdf5Source& source, const std::string& path, const T& values) {
+void check_sum(const std::filesystem::path& file, const Hdf5Source& source, const std::string& path,
+               const T& values) {
   const std::uint64_t sum = checksum(values.data(), values.size(), sizeof(values[0]), 0);
   if (need(file, source.checksum(path), "the checksum of " + path) != sum)
     fail_damaged(file, "the checksum of " + path + " is wrong");
 }
 
 template <class T>
-std::vector<T> checked_values(const std::filesystem::path& file, const Hdf5Source& source, const std::string& path) {
+std::vector<T> checked_values(const std::filesystem::path& file, const Hdf5Source& source,
+                              const std::string& path) {
   std::vector<T> values = need(file, source.values<T>(path), path);
   check_sum(file, source, path, values);
   return values;
@@ -78,19 +81,24 @@ std::vector<T> checked_values(const std::filesystem::path& file, const Hdf5Sourc
 
 void check_kind(const std::filesystem::path& file, const Hdf5Source& source) {
   if (source.text("/", "format").value_or("") != checkpoint::format_name)
-    fail(file, "is an HDF5 file, but no checkpoint of mpm_hpc; give the path of a checkpoint_*.h5 of an output folder");
+    fail(file,
+         "is an HDF5 file, but no checkpoint of mpm_hpc; give the path of a checkpoint_*.h5 of an output "
+         "folder");
   const std::int64_t version = need(file, source.integer("/", "format_version"), "the format's version");
   if (version > checkpoint_format)
-    fail(file, fmt::format("was written by a newer version of mpm_hpc (format {}, code {}), this one reads formats up "
-                           "to {}; restart with that version or a newer one",
-                           version, source.text("/", "code_version").value_or("unknown"), checkpoint_format));
+    fail(file,
+         fmt::format(
+             "was written by a newer version of mpm_hpc (format {}, code {}), this one reads formats up "
+             "to {}; restart with that version or a newer one",
+             version, source.text("/", "code_version").value_or("unknown"), checkpoint_format));
   if (version < 1) fail_damaged(file, "the format's version is not positive");
   if (source.integer("/", "complete") != 1)
     fail(file, "was never completed; restart from the checkpoint before it");
 }
 
-CheckpointColumn parse_column(const std::filesystem::path& file, const Hdf5Source& source, const std::string& path,
-                              const CheckpointBody& body, const std::string& name, std::uint64_t file_size) {
+CheckpointColumn parse_column(const std::filesystem::path& file, const Hdf5Source& source,
+                              const std::string& path, const CheckpointBody& body, const std::string& name,
+                              std::uint64_t file_size) {
   const std::string what = fmt::format("column \"{}\" of body \"{}\"", name, body.name);
   CheckpointColumn column{.name = name};
   const Hdf5Id dataset = source.dataset(path);
@@ -146,8 +154,10 @@ CheckpointHeader checkpoint::parse_header(const std::filesystem::path& file) {
   for (std::size_t b = 0; b < bodies; ++b) {
     CheckpointBody body;
     body.name = need(file, source.text(body_path(b), "name"), fmt::format("the name of body {}", b));
-    body.particles = need(file, source.integer(body_path(b), "particles"), fmt::format("the size of body {}", b));
-    for (const std::string& name : need(file, source.names(body_path(b)), fmt::format("the list of columns of body {}", b)))
+    body.particles =
+        need(file, source.integer(body_path(b), "particles"), fmt::format("the size of body {}", b));
+    for (const std::string& name :
+         need(file, source.names(body_path(b)), fmt::format("the list of columns of body {}", b)))
       body.columns.push_back(parse_column(file, source, column_path(b, name), body, name, file_size));
     header.bodies.push_back(std::move(body));
   }
@@ -167,8 +177,11 @@ Json to_json(const CheckpointHeader& header) {
       columns.push_back({c.name, static_cast<int>(c.type), c.components, c.place, c.checksum});
     bodies.push_back({body.name, body.particles, columns});
   }
-  return {header.dimension, static_cast<int>(header.precision), bodies, s.step, s.time, s.dt, s.ranks,
-          s.code_version, s.scene_text, s.numbers};
+  return {header.dimension, static_cast<int>(header.precision),
+          bodies,           s.step,
+          s.time,           s.dt,
+          s.ranks,          s.code_version,
+          s.scene_text,     s.numbers};
 }
 
 CheckpointHeader from_json(const Json& json) {
@@ -177,7 +190,8 @@ CheckpointHeader from_json(const Json& json) {
   header.precision = static_cast<Precision>(json[1].get<int>());
   for (const Json& b : json[2]) {
     CheckpointBody body{b[0], b[1], {}};
-    for (const Json& c : b[2]) body.columns.push_back({c[0], static_cast<ScalarType>(c[1].get<int>()), c[2], c[3], c[4]});
+    for (const Json& c : b[2])
+      body.columns.push_back({c[0], static_cast<ScalarType>(c[1].get<int>()), c[2], c[3], c[4]});
     header.bodies.push_back(std::move(body));
   }
   CheckpointState& s = header.state;

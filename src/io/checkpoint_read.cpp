@@ -31,8 +31,8 @@ Rows rows_of_rank(const Communicator& communicator, GlobalIndex particles) {
   return {start(communicator.rank()), start(communicator.rank() + 1)};
 }
 
-// Reads this rank's rows of a column, hands them to take(first row of the rank's, number, data), and returns their part
-// of the checksum.
+// Reads this rank's rows of a column, hands them to take(first row of the rank's, number, data), and returns
+// their part of the checksum.
 template <class Take>
 std::uint64_t read_column(const FileDescriptor& descriptor, const CheckpointColumn& column, const Rows& rows,
                           Take&& take) {
@@ -52,8 +52,8 @@ std::uint64_t read_column(const FileDescriptor& descriptor, const CheckpointColu
 // Reads all columns of all bodies and compares their checksums; take(body, column, first, number, data).
 // Collective; throws FileError on all ranks.
 template <class Take>
-void read_columns(const Communicator& communicator, const std::filesystem::path& file, const CheckpointHeader& header,
-                  Take&& take) {
+void read_columns(const Communicator& communicator, const std::filesystem::path& file,
+                  const CheckpointHeader& header, Take&& take) {
   std::vector<std::uint64_t> sums;
   together(communicator, [&] {
     const FileDescriptor descriptor(file, O_RDONLY);
@@ -71,11 +71,13 @@ void read_columns(const Communicator& communicator, const std::filesystem::path&
   for (const CheckpointBody& body : header.bodies)
     for (const CheckpointColumn& column : body.columns)
       if (sums[next++] != column.checksum)
-        checkpoint::fail_damaged(
-            file, fmt::format("the checksum of column \"{}\" of body \"{}\" is wrong", column.name, body.name));
+        checkpoint::fail_damaged(file, fmt::format("the checksum of column \"{}\" of body \"{}\" is wrong",
+                                                   column.name, body.name));
 }
 
-const char* name_of(Precision precision) { return precision == Precision::single_precision ? "single" : "double"; }
+const char* name_of(Precision precision) {
+  return precision == Precision::single_precision ? "single" : "double";
+}
 
 constexpr const char* remedy = "restart it with the scene that it was written with";
 
@@ -83,25 +85,29 @@ constexpr const char* remedy = "restart it with the scene that it was written wi
 template <int Dim>
 std::size_t matching_body(const std::filesystem::path& file, const CheckpointBody& stored,
                           const std::vector<Body<Dim>>& bodies) {
-  const auto body = std::find_if(bodies.begin(), bodies.end(), [&](const auto& b) { return b.name == stored.name; });
+  const auto body =
+      std::find_if(bodies.begin(), bodies.end(), [&](const auto& b) { return b.name == stored.name; });
   if (body == bodies.end())
     checkpoint::fail(file, fmt::format("has a body \"{}\", which the scene lacks; {}", stored.name, remedy));
   const FieldSet& set = body->particles;
   for (const CheckpointColumn& column : stored.columns) {
     const FieldId f = set.find(column.name);
     if (f == no_field)
-      checkpoint::fail(file, fmt::format("has a column \"{}\" of body \"{}\", which no effect of the scene asks for; {}",
-                                         column.name, stored.name, remedy));
+      checkpoint::fail(
+          file, fmt::format("has a column \"{}\" of body \"{}\", which no effect of the scene asks for; {}",
+                            column.name, stored.name, remedy));
     if (set.traits(f).type != column.type || set.traits(f).components != column.components)
-      checkpoint::fail(file, fmt::format("has a column \"{}\" of body \"{}\" of another type or shape than the "
-                                         "scene's; {}",
-                                         column.name, stored.name, remedy));
+      checkpoint::fail(file,
+                       fmt::format("has a column \"{}\" of body \"{}\" of another type or shape than the "
+                                   "scene's; {}",
+                                   column.name, stored.name, remedy));
   }
   for (FieldId f = 0; f < set.count(); ++f)
     if (std::none_of(stored.columns.begin(), stored.columns.end(),
                      [&](const CheckpointColumn& c) { return c.name == set.traits(f).name; }))
-      checkpoint::fail(file, fmt::format("lacks the column \"{}\" of body \"{}\", which the scene asks for; {}",
-                                         set.traits(f).name, stored.name, remedy));
+      checkpoint::fail(file,
+                       fmt::format("lacks the column \"{}\" of body \"{}\", which the scene asks for; {}",
+                                   set.traits(f).name, stored.name, remedy));
   return static_cast<std::size_t>(body - bodies.begin());
 }
 
@@ -109,15 +115,18 @@ template <int Dim>
 std::vector<std::size_t> matching_bodies(const std::filesystem::path& file, const CheckpointHeader& header,
                                          const std::vector<Body<Dim>>& bodies, Precision precision) {
   if (header.dimension != Dim)
-    checkpoint::fail(file, fmt::format("is of a {}D run, the scene is {}D; {}", header.dimension, Dim, remedy));
+    checkpoint::fail(file,
+                     fmt::format("is of a {}D run, the scene is {}D; {}", header.dimension, Dim, remedy));
   if (header.precision != precision)
-    checkpoint::fail(file, fmt::format("is of {} precision, the scene of {} precision; set precision = \"{}\"",
-                                       name_of(header.precision), name_of(precision), name_of(header.precision)));
+    checkpoint::fail(file,
+                     fmt::format("is of {} precision, the scene of {} precision; set precision = \"{}\"",
+                                 name_of(header.precision), name_of(precision), name_of(header.precision)));
   std::vector<std::size_t> matches;
   for (const CheckpointBody& stored : header.bodies) matches.push_back(matching_body(file, stored, bodies));
   for (std::size_t b = 0; b < bodies.size(); ++b)
     if (std::count(matches.begin(), matches.end(), b) != 1)
-      checkpoint::fail(file, fmt::format("has no body \"{}\", which the scene has; {}", bodies[b].name, remedy));
+      checkpoint::fail(file,
+                       fmt::format("has no body \"{}\", which the scene has; {}", bodies[b].name, remedy));
   return matches;
 }
 
@@ -127,7 +136,8 @@ void put_rows(const FieldSet& set, FieldId field, Index first, std::uint64_t cou
   for (int c = 0; c < components; ++c) {
     char* out = static_cast<char*>(set.raw(field, c)) + static_cast<std::size_t>(first) * width;
     const char* in = rows + c * width;
-    for (std::uint64_t i = 0; i < count; ++i, in += components * width, out += width) std::memcpy(out, in, width);
+    for (std::uint64_t i = 0; i < count; ++i, in += components * width, out += width)
+      std::memcpy(out, in, width);
   }
 }
 
@@ -141,11 +151,15 @@ CheckpointState read_checkpoint(const Communicator& communicator, const std::fil
   for (std::size_t b = 0; b < header.bodies.size(); ++b) {
     const std::uint64_t share = header.bodies[b].particles / communicator.size() + 1;
     if (share > std::numeric_limits<Index>::max())
-      checkpoint::fail(file, fmt::format("has {} particles in body \"{}\"; use more ranks", header.bodies[b].particles,
-                                         header.bodies[b].name));
-    const Rows rows = rows_of_rank(communicator, header.bodies[b].particles);
-    bodies[matches[b]].particles.resize(static_cast<Index>(rows.end - rows.begin));
+      checkpoint::fail(file, fmt::format("has {} particles in body \"{}\"; use more ranks",
+                                         header.bodies[b].particles, header.bodies[b].name));
   }
+  together(communicator, [&] {  // where memory may run out on one rank
+    for (std::size_t b = 0; b < header.bodies.size(); ++b) {
+      const Rows rows = rows_of_rank(communicator, header.bodies[b].particles);
+      bodies[matches[b]].particles.resize(static_cast<Index>(rows.end - rows.begin));
+    }
+  });
   read_columns(communicator, file, header,
                [&](std::size_t b, const CheckpointColumn& column, std::uint64_t first, std::uint64_t count,
                    const char* rows) {
@@ -155,10 +169,10 @@ CheckpointState read_checkpoint(const Communicator& communicator, const std::fil
   return header.state;
 }
 
-template CheckpointState read_checkpoint(const Communicator&, const std::filesystem::path&, std::vector<Body<2>>&,
-                                         Precision);
-template CheckpointState read_checkpoint(const Communicator&, const std::filesystem::path&, std::vector<Body<3>>&,
-                                         Precision);
+template CheckpointState read_checkpoint(const Communicator&, const std::filesystem::path&,
+                                         std::vector<Body<2>>&, Precision);
+template CheckpointState read_checkpoint(const Communicator&, const std::filesystem::path&,
+                                         std::vector<Body<3>>&, Precision);
 
 void verify_checkpoint(const Communicator& communicator, const std::filesystem::path& file) {
   const CheckpointHeader header = read_checkpoint_header(communicator, file);
@@ -167,9 +181,10 @@ void verify_checkpoint(const Communicator& communicator, const std::filesystem::
 
 LatestCheckpoint latest_checkpoint(const Communicator& communicator, const std::filesystem::path& folder) {
   std::vector<checkpoint::File> files;
-  if (communicator.root()) files = checkpoint::list(folder);
+  on_root(communicator, [&] { files = checkpoint::list(folder); });
   LatestCheckpoint latest;
-  for (int left = static_cast<int>(communicator.max(static_cast<GlobalIndex>(files.size()))); left > 0; --left) {
+  for (int left = static_cast<int>(communicator.max(static_cast<GlobalIndex>(files.size()))); left > 0;
+       --left) {
     std::string name = communicator.root() ? files[left - 1].path.string() : "";
     communicator.broadcast(name);
     try {

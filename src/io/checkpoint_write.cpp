@@ -54,7 +54,8 @@ void lay_out_state(Hdf5Image& image, const CheckpointState& state) {
   make_checked_dataset(image, checkpoint::owners_path, state.owners);
   image.make_group(checkpoint::numbers_group);
   for (const auto& [name, values] : state.numbers) {
-    debug_check(!name.empty() && name.find('/') == std::string::npos, "a number's name in a checkpoint has a slash");
+    debug_check(!name.empty() && name.find('/') == std::string::npos,
+                "a number's name in a checkpoint has a slash");
     make_checked_dataset(image, std::string(checkpoint::numbers_group) + "/" + name, values);
   }
 }
@@ -69,8 +70,8 @@ void gather_rows(const IdSlices::Piece& piece, std::size_t begin, std::size_t en
 }
 
 // One round's rows of every column; `rows` is scratch.
-void write_piece(Hdf5Writer& writer, const FieldSet& set, const IdSlices::Piece& piece, std::vector<Column>& columns,
-                 std::vector<std::vector<char>>& rows) {
+void write_piece(Hdf5Writer& writer, const FieldSet& set, const IdSlices::Piece& piece,
+                 std::vector<Column>& columns, std::vector<std::vector<char>>& rows) {
   const std::size_t size = piece.rows.size();
   const auto bytes_in_row = [&](FieldId f) {
     return static_cast<std::size_t>(bytes_of(set.traits(f).type)) * set.traits(f).components;
@@ -81,7 +82,8 @@ void write_piece(Hdf5Writer& writer, const FieldSet& set, const IdSlices::Piece&
   for (std::size_t begin = 0; begin < size; begin += block) {
     std::size_t offset = 0;
     for (FieldId f = 0; f < set.count(); ++f) {
-      const auto gather = bytes_of(set.traits(f).type) == 4 ? gather_rows<std::uint32_t> : gather_rows<std::uint64_t>;
+      const auto gather =
+          bytes_of(set.traits(f).type) == 4 ? gather_rows<std::uint32_t> : gather_rows<std::uint64_t>;
       gather(piece, begin, std::min(begin + block, size), offset, set.traits(f).components,
              rows[f].data() + begin * bytes_in_row(f));
       offset += bytes_in_row(f);
@@ -101,7 +103,7 @@ void remove_superseded(const std::filesystem::path& folder, GlobalIndex step) {
   GlobalIndex previous = -1;
   for (const auto& file : files)
     if (file.step < step) previous = std::max(previous, file.step);
-  std::error_code ignored;  // a checkpoint too many harms nobody
+  std::error_code ignored;
   for (const auto& file : files)
     if (file.step != step && file.step != previous) std::filesystem::remove(file.path, ignored);
   for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
@@ -126,8 +128,9 @@ std::filesystem::path write_checkpoint(const Communicator& communicator, const s
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const FieldSet& set = bodies[b].particles;
     for (FieldId f = 0; f < set.count(); ++f)
-      columns[b].push_back({writer.add(checkpoint::column_path(b, set.traits(f).name), file_type(set.traits(f).type),
-                                       slices[b].total(), set.traits(f).components)});
+      columns[b].push_back(
+          {writer.add(checkpoint::column_path(b, set.traits(f).name), file_type(set.traits(f).type),
+                      slices[b].total(), set.traits(f).components)});
   }
   writer.lay_out([&](Hdf5Image& image) {
     const Hdf5Id root = image.open("/");
@@ -172,13 +175,21 @@ std::filesystem::path write_checkpoint(const Communicator& communicator, const s
         image.set_attribute(image.open("/"), "complete", std::int64_t{1});
       },
       true);
-  if (communicator.root()) remove_superseded(folder, state.step);
+  if (communicator.root()) {
+    try {
+      remove_superseded(folder, state.step);
+    } catch (const std::filesystem::filesystem_error&) {
+      // A checkpoint too many harms nobody.
+    }
+  }
   return file;
 }
 
 template std::filesystem::path write_checkpoint(const Communicator&, const std::filesystem::path&,
-                                                const CheckpointState&, const std::vector<Body<2>>&, Precision);
+                                                const CheckpointState&, const std::vector<Body<2>>&,
+                                                Precision);
 template std::filesystem::path write_checkpoint(const Communicator&, const std::filesystem::path&,
-                                                const CheckpointState&, const std::vector<Body<3>>&, Precision);
+                                                const CheckpointState&, const std::vector<Body<3>>&,
+                                                Precision);
 
 }  // namespace mpm

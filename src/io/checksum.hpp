@@ -15,8 +15,8 @@ constexpr std::uint64_t mixed_bits(std::uint64_t z) {
   return z ^ (z >> 31);
 }
 
-// Sum over elements of mix(element xor f(place)), modulo 2^64; `first` is the place of words[0] in the whole. A change
-// of one element always changes the sum, other damage goes unnoticed with probability 2^-64.
+// Sum over elements of mix(element xor f(place)), modulo 2^64; `first` is the place of words[0] in the whole.
+// A change of one element always changes the sum, other damage goes unnoticed with probability 2^-64.
 template <class Word>
 std::uint64_t checksum(const Word* words, std::size_t count, std::uint64_t first) {
   static_assert(std::is_unsigned_v<Word>);

@@ -1,4 +1,5 @@
-// POSIX files with every error reported; MPI-IO of Open MPI 4.1 returns success when an aggregator's disk is full.
+// POSIX files with every error reported; MPI-IO of Open MPI 4.1 returns success when an aggregator's disk is
+// full.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +23,8 @@ class FileDescriptor {
   void write(std::uint64_t offset, const void* data, std::size_t bytes);
   void read(std::uint64_t offset, void* data, std::size_t bytes) const;
   std::uint64_t size() const;
-  // Takes the space on the disk beforehand, so that a full disk shows at once; no effect where the file system can't.
+  // Takes the space on the disk beforehand, so that a full disk shows at once; no effect where the file
+  // system can't.
   void reserve(std::uint64_t bytes);
   void resize(std::uint64_t bytes);
   void sync();

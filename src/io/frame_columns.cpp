@@ -40,8 +40,8 @@ void scatter(const In* values, const std::vector<Index>& particles, int stride, 
 }
 
 template <class Out>
-void scatter_component(const FieldSet& set, FieldId field, int c, const std::vector<Index>& particles, int stride,
-                       Out* out) {
+void scatter_component(const FieldSet& set, FieldId field, int c, const std::vector<Index>& particles,
+                       int stride, Out* out) {
   switch (set.traits(field).type) {
     case ScalarType::float32:
       return scatter(set.data<float>(field, c), particles, stride, out);
@@ -54,8 +54,10 @@ void scatter_component(const FieldSet& set, FieldId field, int c, const std::vec
 
 template <class Out>
 constexpr Out absent() {
-  if constexpr (std::is_integral_v<Out>) return -1;
-  else return std::numeric_limits<Out>::quiet_NaN();
+  if constexpr (std::is_integral_v<Out>)
+    return -1;
+  else
+    return std::numeric_limits<Out>::quiet_NaN();
 }
 
 template <int Dim, class Out>
@@ -91,7 +93,8 @@ void fill_rows(const FrameColumn& column, const std::vector<Body<Dim>>& bodies, 
 }  // namespace
 
 template <int Dim>
-std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>& bodies, const std::vector<DerivedField>& derived,
+std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>& bodies,
+                                       const std::vector<DerivedField>& derived,
                                        const FrameOptions& options) {
   const FileType real =
       options.precision == Precision::single_precision ? FileType::float32 : FileType::float64;
@@ -117,7 +120,8 @@ std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>& bodies, con
         by_default.push_back(traits.in_output);
         column = columns.end() - 1;
       }
-      debug_check(column->source_components == traits.components, "bodies disagree about the shape of a column");
+      debug_check(column->source_components == traits.components,
+                  "bodies disagree about the shape of a column");
       column->field[b] = f;
     }
   }
@@ -153,12 +157,13 @@ FrameColumn position_column(const std::vector<Body<Dim>>& bodies) {
 }
 
 template <int Dim>
-void fill_frame_rows(const FrameColumn& column, const std::vector<Body<Dim>>& bodies, std::size_t body, Index begin,
-                     Index end, const std::vector<Index>& particles, std::vector<char>& rows) {
+void fill_frame_rows(const FrameColumn& column, const std::vector<Body<Dim>>& bodies, std::size_t body,
+                     Index begin, Index end, const std::vector<Index>& particles, std::vector<char>& rows) {
   rows.resize(particles.size() * column.components * bytes_of(column.type));
   switch (column.type) {
     case FileType::int64:
-      return fill_rows(column, bodies, body, begin, end, particles, reinterpret_cast<GlobalIndex*>(rows.data()));
+      return fill_rows(column, bodies, body, begin, end, particles,
+                       reinterpret_cast<GlobalIndex*>(rows.data()));
     case FileType::float64:
       return fill_rows(column, bodies, body, begin, end, particles, reinterpret_cast<double*>(rows.data()));
     default:
@@ -166,12 +171,12 @@ void fill_frame_rows(const FrameColumn& column, const std::vector<Body<Dim>>& bo
   }
 }
 
-#define MPM_INSTANTIATE(Dim)                                                                                     \
-  template std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>&, const std::vector<DerivedField>&, \
-                                                  const FrameOptions&);                                          \
-  template FrameColumn position_column(const std::vector<Body<Dim>>&);                                          \
-  template void fill_frame_rows(const FrameColumn&, const std::vector<Body<Dim>>&, std::size_t, Index, Index,    \
-                                const std::vector<Index>&, std::vector<char>&);
+#define MPM_INSTANTIATE(Dim)                                                                              \
+  template std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>&,                          \
+                                                  const std::vector<DerivedField>&, const FrameOptions&); \
+  template FrameColumn position_column(const std::vector<Body<Dim>>&);                                    \
+  template void fill_frame_rows(const FrameColumn&, const std::vector<Body<Dim>>&, std::size_t, Index,    \
+                                Index, const std::vector<Index>&, std::vector<char>&);
 MPM_INSTANTIATE(2)
 MPM_INSTANTIATE(3)
 #undef MPM_INSTANTIATE

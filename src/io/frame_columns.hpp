@@ -21,11 +21,11 @@ struct FrameColumn {
   const DerivedField* derived = nullptr;  // instead of `field`
 };
 
-// In the order of the bodies' declarations, then the derived ones. Throws UserError for a name in options.fields that
-// there isn't.
+// In the order of the bodies' declarations, then the derived ones. Throws UserError for a name in
+// options.fields that there isn't.
 template <int Dim>
-std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>& bodies, const std::vector<DerivedField>& derived,
-                                       const FrameOptions& options);
+std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>& bodies,
+                                       const std::vector<DerivedField>& derived, const FrameOptions& options);
 
 // Positions as a column with three components.
 template <int Dim>
@@ -33,7 +33,7 @@ FrameColumn position_column(const std::vector<Body<Dim>>& bodies);
 
 // Rows of the given particles, which lie in [begin, end), into `rows`.
 template <int Dim>
-void fill_frame_rows(const FrameColumn& column, const std::vector<Body<Dim>>& bodies, std::size_t body, Index begin,
-                     Index end, const std::vector<Index>& particles, std::vector<char>& rows);
+void fill_frame_rows(const FrameColumn& column, const std::vector<Body<Dim>>& bodies, std::size_t body,
+                     Index begin, Index end, const std::vector<Index>& particles, std::vector<char>& rows);
 
 }  // namespace mpm

@@ -43,7 +43,8 @@ void trim_frame_series(const std::filesystem::path& folder, Real time) {
     trimmed = true;
     std::error_code error;
     std::filesystem::remove(folder / frame.name, error);
-    if (error) throw FileError(fmt::format("can't remove {}: {}", (folder / frame.name).string(), error.message()));
+    if (error)
+      throw FileError(fmt::format("can't remove {}: {}", (folder / frame.name).string(), error.message()));
   }
   if (trimmed) write_frame_series(folder, kept);
 }

@@ -15,7 +15,7 @@ namespace mpm {
 
 namespace {
 
-constexpr Index piece = 1 << 16;  // particles converted at a time, a multiple of every pack width
+constexpr Index piece = 1 << 16;         // particles converted at a time, a multiple of every pack width
 constexpr std::uint8_t vertex_cell = 1;  // VTK_VERTEX
 
 // This rank's rows in the frame.
@@ -38,7 +38,8 @@ Partition partition_of(const Communicator& communicator, const std::vector<Body<
   return partition;
 }
 
-// Calls visit(body, begin, end, particles) with the real particles of each piece; pieces without any are left out.
+// Calls visit(body, begin, end, particles) with the real particles of each piece; pieces without any are left
+// out.
 template <int Dim, class Visit>
 void for_each_piece(const std::vector<Body<Dim>>& bodies, Visit&& visit) {
   std::vector<Index> particles;
@@ -60,7 +61,11 @@ void write_column(Hdf5Writer& writer, Hdf5Writer::Dataset dataset, const FrameCo
   std::vector<char> rows;
   std::int64_t row = partition.first;
   for_each_piece(bodies, [&](std::size_t body, Index begin, Index end, const std::vector<Index>& particles) {
-    fill_frame_rows(column, bodies, body, begin, end, particles, rows);
+    try {
+      fill_frame_rows(column, bodies, body, begin, end, particles, rows);
+    } catch (...) {
+      writer.keep_fault(std::current_exception());
+    }
     writer.write(dataset, row, particles.size(), rows.data());
     row += static_cast<std::int64_t>(particles.size());
   });
@@ -83,7 +88,8 @@ void write_series(Hdf5Writer& writer, Hdf5Writer::Dataset dataset, std::int64_t 
 }  // namespace
 
 template <int Dim>
-FrameWriter<Dim>::FrameWriter(const Communicator& communicator, std::filesystem::path folder, FrameOptions options)
+FrameWriter<Dim>::FrameWriter(const Communicator& communicator, std::filesystem::path folder,
+                              FrameOptions options)
     : communicator_(communicator), folder_(std::move(folder)), options_(std::move(options)) {
   std::int64_t count = 0;
   on_root(communicator_, [&] {
@@ -120,7 +126,8 @@ void FrameWriter<Dim>::write(GlobalIndex step, Real time, const std::vector<Body
   const auto connectivity = writer.add(group + "Connectivity", FileType::int64, partition.total, 0, deflate);
   const auto offsets = writer.add(group + "Offsets", FileType::int64, partition.total + ranks, 0, deflate);
   const auto types = writer.add(group + "Types", FileType::uint8, partition.total, 0, deflate);
-  const auto body_numbers = writer.add(group + "PointData/body", FileType::int32, partition.total, 0, deflate);
+  const auto body_numbers =
+      writer.add(group + "PointData/body", FileType::int32, partition.total, 0, deflate);
   std::vector<Hdf5Writer::Dataset> datasets;
   for (const FrameColumn& column : columns)
     datasets.push_back(writer.add(group + "PointData/" + column.name, column.type, partition.total,
@@ -129,7 +136,8 @@ void FrameWriter<Dim>::write(GlobalIndex step, Real time, const std::vector<Body
     const Hdf5Id root = image.make_group("VTKHDF");
     image.set_attribute(root, "Version", std::vector<std::int64_t>{1, 0});
     image.set_attribute(root, "Type", std::string("UnstructuredGrid"));
-    // Made by name: groups that HDF5 makes on its own way carry the time of day, and equal runs would differ in bytes.
+    // Made by name: groups that HDF5 makes on its own way carry the time of day, and equal runs would differ
+    // in bytes.
     for (const char* folder : {"PointData", "FieldData"}) image.make_group(group + folder);
     for (const char* count : {"NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds"})
       image.make_dataset<std::int64_t>(group + count, partition.rows_of_rank);
@@ -141,7 +149,8 @@ void FrameWriter<Dim>::write(GlobalIndex step, Real time, const std::vector<Body
   write_series<std::int64_t>(writer, connectivity, partition.first, partition.rows, [](auto i) { return i; });
   write_series<std::int64_t>(writer, offsets, partition.first + communicator_.rank(), partition.rows + 1,
                              [](auto i) { return i; });
-  write_series<std::uint8_t>(writer, types, partition.first, partition.rows, [](auto) { return vertex_cell; });
+  write_series<std::uint8_t>(writer, types, partition.first, partition.rows,
+                             [](auto) { return vertex_cell; });
   std::int64_t row = partition.first;
   for_each_piece(bodies, [&](std::size_t body, Index, Index, const std::vector<Index>& particles) {
     const std::vector<std::int32_t> numbers(particles.size(), static_cast<std::int32_t>(body));
@@ -149,7 +158,8 @@ void FrameWriter<Dim>::write(GlobalIndex step, Real time, const std::vector<Body
     row += static_cast<std::int64_t>(numbers.size());
   });
   writer.close(body_numbers);
-  for (std::size_t c = 0; c < columns.size(); ++c) write_column(writer, datasets[c], columns[c], bodies, partition);
+  for (std::size_t c = 0; c < columns.size(); ++c)
+    write_column(writer, datasets[c], columns[c], bodies, partition);
   writer.commit(
       [&](Hdf5Image& image) {
         image.set_attribute(image.open(group + "Points"), "units", position.units);

@@ -1,4 +1,5 @@
-// Compressed datasets: every rank compresses the chunks that begin in its rows, rank 0 only assigns their places.
+// Compressed datasets: every rank compresses the chunks that begin in its rows, rank 0 only assigns their
+// places.
 #include <mpi.h>
 
 #include <algorithm>
@@ -22,7 +23,8 @@ std::vector<DeflatedChunk> deflated_chunks(FileType type, int components, std::u
   if (rows == 0) return chunks;
   // The filters of a file of our own in memory make sure that any HDF5 can read the chunks.
   Hdf5Image image;
-  const Hdf5Id dataset = image.make_chunked_dataset("chunks", type, rows, components, rows_per_chunk, deflate);
+  const Hdf5Id dataset =
+      image.make_chunked_dataset("chunks", type, rows, components, rows_per_chunk, deflate);
   bool ok = H5Dwrite(dataset, hdf5_type(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, data.data()) >= 0;
   for (std::uint64_t row = 0; ok && row < rows; row += rows_per_chunk) {
     const hsize_t corner[2] = {row, 0};
@@ -42,15 +44,15 @@ struct ChunkSize {
 
 }  // namespace
 
-std::uint64_t Hdf5Writer::Entry::rows_per_chunk() const {
-  return std::min<std::uint64_t>(rows, 1 << 15);
-}
+std::uint64_t Hdf5Writer::Entry::rows_per_chunk() const { return std::min<std::uint64_t>(rows, 1 << 15); }
 
-// Makes pending_ the rows of the chunks that begin here, padded to whole chunks, and returns the first one's number.
+// Makes pending_ the rows of the chunks that begin here, padded to whole chunks, and returns the first one's
+// number.
 std::uint64_t Hdf5Writer::take_over_split_chunks(const Entry& entry) {
   const std::uint64_t per_chunk = entry.rows_per_chunk(), row_bytes = entry.row_bytes();
   const std::uint64_t rows = pending_.size() / row_bytes;
-  const std::uint64_t first = static_cast<std::uint64_t>(communicator_.exclusive_sum(static_cast<GlobalIndex>(rows)));
+  const std::uint64_t first =
+      static_cast<std::uint64_t>(communicator_.exclusive_sum(static_cast<GlobalIndex>(rows)));
   std::vector<std::uint64_t> ends(communicator_.size());
   const std::uint64_t end = first + rows;
   MPI_Allgather(&end, 1, MPI_UINT64_T, ends.data(), 1, MPI_UINT64_T, mpi_comm(communicator_));
@@ -65,7 +67,8 @@ std::uint64_t Hdf5Writer::take_over_split_chunks(const Entry& entry) {
     Communicator::Bytes& message = outgoing[owner];
     const char* header = reinterpret_cast<const char*>(&first);
     message.assign(header, header + sizeof(first));
-    message.insert(message.end(), pending_.begin(), pending_.begin() + static_cast<std::ptrdiff_t>(given * row_bytes));
+    message.insert(message.end(), pending_.begin(),
+                   pending_.begin() + static_cast<std::ptrdiff_t>(given * row_bytes));
   }
   const auto incoming = communicator_.exchange(outgoing);
 
@@ -99,13 +102,15 @@ std::vector<std::uint64_t> Hdf5Writer::place_chunks(Entry& entry, std::uint64_t 
         std::memcpy(&size, &part[at], sizeof(size));
         const std::uint64_t place = image_->reserve_chunk(entry.id, row, size.bytes,
                                                           static_cast<std::uint32_t>(size.skipped_filters));
-        places.insert(places.end(), reinterpret_cast<const char*>(&place), reinterpret_cast<const char*>(&place + 1));
+        places.insert(places.end(), reinterpret_cast<const char*>(&place),
+                      reinterpret_cast<const char*>(&place + 1));
       }
   });
   communicator_.broadcast(places);
   std::vector<std::uint64_t> result(chunks.size());
   if (!chunks.empty())
-    std::memcpy(result.data(), &places[first_chunk * sizeof(std::uint64_t)], chunks.size() * sizeof(std::uint64_t));
+    std::memcpy(result.data(), &places[first_chunk * sizeof(std::uint64_t)],
+                chunks.size() * sizeof(std::uint64_t));
   return result;
 }
 

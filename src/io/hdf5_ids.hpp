@@ -14,7 +14,8 @@
 
 namespace mpm {
 
-static_assert(std::endian::native == std::endian::little, "files are little-endian and are read and written as they are");
+static_assert(std::endian::native == std::endian::little,
+              "files are little-endian and are read and written as they are");
 
 class Hdf5Id {
  public:

@@ -15,7 +15,9 @@ struct ImageFile {
   Hdf5Image::Bytes* bytes = nullptr;
 };
 
-Hdf5Image::Bytes& bytes_of_file(const H5FD_t* file) { return *reinterpret_cast<const ImageFile*>(file)->bytes; }
+Hdf5Image::Bytes& bytes_of_file(const H5FD_t* file) {
+  return *reinterpret_cast<const ImageFile*>(file)->bytes;
+}
 
 H5FD_t* open_image(const char*, unsigned, hid_t access, haddr_t) {
   const auto* bytes = static_cast<Hdf5Image::Bytes* const*>(H5Pget_driver_info(access));
@@ -97,7 +99,8 @@ Hdf5Id properties_of(hid_t kind) {
 
 Hdf5Id text_type(const std::string& text) {
   Hdf5Id type = checked(H5Tcopy(H5T_C_S1), H5Tclose, "make a type");
-  check(H5Tset_size(type, std::max<std::size_t>(text.size(), 1)) >= 0 && H5Tset_strpad(type, H5T_STR_NULLPAD) >= 0,
+  check(H5Tset_size(type, std::max<std::size_t>(text.size(), 1)) >= 0 &&
+            H5Tset_strpad(type, H5T_STR_NULLPAD) >= 0,
         "make a type");
   return type;
 }
@@ -137,7 +140,8 @@ Hdf5Image::Hdf5Image() {
   const Hdf5Id access = checked(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "make a property list");
   const Hdf5Id creation = properties_of(H5P_FILE_CREATE);
   Bytes* bytes = &bytes_;
-  // The format of 1.8 checks its own metadata, and every reader of today knows it. Big datasets begin on a page.
+  // The format of 1.8 checks its own metadata, and every reader of today knows it. Big datasets begin on a
+  // page.
   check(H5Pset_driver(access, image_driver(), &bytes) >= 0 &&
             H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_V18) >= 0 &&
             H5Pset_alignment(access, 1 << 16, 4096) >= 0 && H5Pset_attr_phase_change(creation, 64, 48) >= 0,
@@ -150,8 +154,8 @@ Hdf5Image::Hdf5Image() {
 Hdf5Image::~Hdf5Image() = default;
 
 Hdf5Id Hdf5Image::make_group(const std::string& path) {
-  return checked(H5Gcreate2(file_, path.c_str(), links_, properties_of(H5P_GROUP_CREATE), H5P_DEFAULT), H5Gclose,
-                 "make group " + path);
+  return checked(H5Gcreate2(file_, path.c_str(), links_, properties_of(H5P_GROUP_CREATE), H5P_DEFAULT),
+                 H5Gclose, "make group " + path);
 }
 
 Hdf5Id Hdf5Image::open(const std::string& path) {
@@ -161,15 +165,16 @@ Hdf5Id Hdf5Image::open(const std::string& path) {
 void Hdf5Image::set_attribute(hid_t object, const std::string& name, FileType type, const void* data,
                               const std::size_t* count) {
   const hsize_t extent = count ? *count : 1;
-  const Hdf5Id space =
-      checked(count ? H5Screate_simple(1, &extent, nullptr) : H5Screate(H5S_SCALAR), H5Sclose, "make a dataspace");
+  const Hdf5Id space = checked(count ? H5Screate_simple(1, &extent, nullptr) : H5Screate(H5S_SCALAR),
+                               H5Sclose, "make a dataspace");
   const Hdf5Id attribute =
       checked(H5Acreate2(object, name.c_str(), hdf5_type(type), space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
               "make attribute " + name);
   check(H5Awrite(attribute, hdf5_type(type), data) >= 0, "set attribute " + name);
 }
 
-void Hdf5Image::set_attribute(hid_t object, const std::string& name, const std::vector<std::int64_t>& values) {
+void Hdf5Image::set_attribute(hid_t object, const std::string& name,
+                              const std::vector<std::int64_t>& values) {
   const std::size_t count = values.size();
   set_attribute(object, name, FileType::int64, values.data(), &count);
 }
@@ -177,9 +182,8 @@ void Hdf5Image::set_attribute(hid_t object, const std::string& name, const std::
 void Hdf5Image::set_attribute(hid_t object, const std::string& name, const std::string& text) {
   const Hdf5Id type = text_type(text);
   const Hdf5Id space = checked(H5Screate(H5S_SCALAR), H5Sclose, "make a dataspace");
-  const Hdf5Id attribute =
-      checked(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
-              "make attribute " + name);
+  const Hdf5Id attribute = checked(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT),
+                                   H5Aclose, "make attribute " + name);
   check(H5Awrite(attribute, type, text.c_str()) >= 0, "set attribute " + name);
 }
 
@@ -191,7 +195,8 @@ Hdf5Id Hdf5Image::create(const std::string& path, hid_t type, hid_t space, hid_t
 Hdf5Id Hdf5Image::make_dataset(const std::string& path, FileType type, const void* data, std::size_t count) {
   Hdf5Id dataset = create(path, hdf5_type(type), space_of(count, 0), properties_of(H5P_DATASET_CREATE));
   if (count > 0)
-    check(H5Dwrite(dataset, hdf5_type(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, "fill dataset " + path);
+    check(H5Dwrite(dataset, hdf5_type(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0,
+          "fill dataset " + path);
   return dataset;
 }
 
@@ -204,9 +209,11 @@ Hdf5Id Hdf5Image::make_text_dataset(const std::string& path, const std::string& 
   return dataset;
 }
 
-Hdf5Id Hdf5Image::reserve_dataset(const std::string& path, FileType type, std::uint64_t rows, int components) {
+Hdf5Id Hdf5Image::reserve_dataset(const std::string& path, FileType type, std::uint64_t rows,
+                                  int components) {
   const Hdf5Id properties = properties_of(H5P_DATASET_CREATE);
-  check(H5Pset_layout(properties, H5D_CONTIGUOUS) >= 0 && H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY) >= 0 &&
+  check(H5Pset_layout(properties, H5D_CONTIGUOUS) >= 0 &&
+            H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY) >= 0 &&
             H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER) >= 0,
         "make a property list");
   return create(path, hdf5_type(type), space_of(rows, components), properties);
@@ -217,8 +224,8 @@ std::uint64_t Hdf5Image::place(hid_t dataset) {
   return place == HADDR_UNDEF ? 0 : place;
 }
 
-Hdf5Id Hdf5Image::make_chunked_dataset(const std::string& path, FileType type, std::uint64_t rows, int components,
-                                       std::uint64_t rows_per_chunk, int deflate) {
+Hdf5Id Hdf5Image::make_chunked_dataset(const std::string& path, FileType type, std::uint64_t rows,
+                                       int components, std::uint64_t rows_per_chunk, int deflate) {
   const Hdf5Id properties = properties_of(H5P_DATASET_CREATE);
   const hsize_t chunk[2] = {rows_per_chunk, static_cast<hsize_t>(components)};
   check(H5Pset_chunk(properties, components == 0 ? 1 : 2, chunk) >= 0 && H5Pset_shuffle(properties) >= 0 &&
@@ -233,7 +240,8 @@ std::uint64_t Hdf5Image::reserve_chunk(hid_t dataset, std::uint64_t first_row, s
   const hsize_t corner[2] = {first_row, 0};
   scratch_.resize(std::max(scratch_.size(), bytes));
   bytes_.discard_bulk = true;
-  const herr_t written = H5Dwrite_chunk(dataset, H5P_DEFAULT, skipped_filters, corner, bytes, scratch_.data());
+  const herr_t written =
+      H5Dwrite_chunk(dataset, H5P_DEFAULT, skipped_filters, corner, bytes, scratch_.data());
   bytes_.discard_bulk = false;
   haddr_t place = HADDR_UNDEF;
   hsize_t size = 0;

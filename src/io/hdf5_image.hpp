@@ -11,9 +11,10 @@
 
 namespace mpm {
 
-// HDF5 must not touch the disk while it writes: a failed write inside H5Fclose leaves a broken handle that crashes
-// MPI_Finalize, and a failed collective write goes unnoticed or hangs. So HDF5 writes into this image, which can't
-// fail, and the caller brings the image and the bulk data to disk. All members throw FileError.
+// HDF5 must not touch the disk while it writes: a failed write inside H5Fclose leaves a broken handle that
+// crashes MPI_Finalize, and a failed collective write goes unnoticed or hangs. So HDF5 writes into this
+// image, which can't fail, and the caller brings the image and the bulk data to disk. All members throw
+// FileError.
 class Hdf5Image {
  public:
   struct Bytes {
@@ -47,11 +48,13 @@ class Hdf5Image {
   }
   Hdf5Id make_text_dataset(const std::string& path, const std::string& text);
 
-  // Room for rows x components elements, whose data the caller writes at place(); `components` 0: one-dimensional.
+  // Room for rows x components elements, whose data the caller writes at place(); `components` 0:
+  // one-dimensional.
   Hdf5Id reserve_dataset(const std::string& path, FileType type, std::uint64_t rows, int components);
   static std::uint64_t place(hid_t dataset);  // 0 if there are no rows
 
-  // A compressed dataset, whose chunks of `rows_per_chunk` rows the caller writes at the places of reserve_chunk().
+  // A compressed dataset, whose chunks of `rows_per_chunk` rows the caller writes at the places of
+  // reserve_chunk().
   Hdf5Id make_chunked_dataset(const std::string& path, FileType type, std::uint64_t rows, int components,
                               std::uint64_t rows_per_chunk, int deflate);
   // `skipped_filters` as H5Dread_chunk gives it: a filter that fails on a chunk is left out for it.
@@ -64,7 +67,8 @@ class Hdf5Image {
 
  private:
   Hdf5Id make_dataset(const std::string& path, FileType type, const void* data, std::size_t count);
-  void set_attribute(hid_t object, const std::string& name, FileType type, const void* data, const std::size_t* count);
+  void set_attribute(hid_t object, const std::string& name, FileType type, const void* data,
+                     const std::size_t* count);
   Hdf5Id create(const std::string& path, hid_t type, hid_t space, hid_t properties);
 
   Bytes bytes_;

@@ -24,12 +24,14 @@ std::optional<T> Hdf5Source::number(const std::string& object, const std::string
   const Hdf5Id stored(H5Aget_type(source), H5Tclose);
   const Hdf5Id space(H5Aget_space(source), H5Sclose);
   T value{};
-  if (H5Tget_class(stored) != kind || H5Sget_simple_extent_npoints(space) != 1 || H5Aread(source, type, &value) < 0)
+  if (H5Tget_class(stored) != kind || H5Sget_simple_extent_npoints(space) != 1 ||
+      H5Aread(source, type, &value) < 0)
     return {};
   return value;
 }
 
-std::optional<std::int64_t> Hdf5Source::integer(const std::string& object, const std::string& attribute) const {
+std::optional<std::int64_t> Hdf5Source::integer(const std::string& object,
+                                                const std::string& attribute) const {
   return number<std::int64_t>(object, attribute, H5T_INTEGER, H5T_NATIVE_INT64);
 }
 std::optional<std::uint64_t> Hdf5Source::checksum(const std::string& object) const {

@@ -45,7 +45,8 @@ class Hdf5Source {
   Hdf5Id attribute(const std::string& object, const std::string& name) const;
   static bool read(hid_t dataset, hid_t type, void* data);
   template <class T>
-  std::optional<T> number(const std::string& object, const std::string& name, H5T_class_t kind, hid_t type) const;
+  std::optional<T> number(const std::string& object, const std::string& name, H5T_class_t kind,
+                          hid_t type) const;
 
   Hdf5Id file_;
 };

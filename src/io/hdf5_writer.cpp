@@ -30,8 +30,8 @@ Hdf5Writer::~Hdf5Writer() {
   if (communicator_.root() && image_) std::filesystem::remove(temporary_, ignored);
 }
 
-Hdf5Writer::Dataset Hdf5Writer::add(const std::string& path, FileType type, std::uint64_t rows, int components,
-                                    int deflate) {
+Hdf5Writer::Dataset Hdf5Writer::add(const std::string& path, FileType type, std::uint64_t rows,
+                                    int components, int deflate) {
   // A dataset without rows can't have chunks.
   entries_.push_back({path, type, rows, components, rows == 0 ? 0 : deflate, 0, {}});
   return static_cast<Dataset>(entries_.size()) - 1;
@@ -45,7 +45,8 @@ void Hdf5Writer::lay_out(const Layout& first) {
         entry.id = image_->make_chunked_dataset(entry.path, entry.type, entry.rows, entry.components,
                                                 entry.rows_per_chunk(), entry.deflate);
       } else {
-        entry.place = Hdf5Image::place(image_->reserve_dataset(entry.path, entry.type, entry.rows, entry.components));
+        entry.place =
+            Hdf5Image::place(image_->reserve_dataset(entry.path, entry.type, entry.rows, entry.components));
       }
     }
     descriptor_.reserve(image_->end());

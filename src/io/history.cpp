@@ -28,15 +28,17 @@ std::string header_of(const std::vector<HistoryColumn>& columns) {
 }
 
 // The rows to keep of a file that a run wrote before it was restarted.
-std::string continued(const std::filesystem::path& file, const std::string& header, GlobalIndex restart_step) {
+std::string continued(const std::filesystem::path& file, const std::string& header,
+                      GlobalIndex restart_step) {
   std::string text = read_text_file(file);
   text.erase(text.rfind('\n') + 1);  // no newline at the end: a row that was cut off
   std::vector<std::string> rows = split(text, '\n');
   rows.pop_back();  // behind the last newline
   if (rows.empty() || rows[0] != header)
-    throw FileError(fmt::format("{} has other columns than this run; restart with the same effects and obstacles, or "
-                                "choose another folder with --output.",
-                                file.string()));
+    throw FileError(
+        fmt::format("{} has other columns than this run; restart with the same effects and obstacles, or "
+                    "choose another folder with --output.",
+                    file.string()));
   const auto cells = std::count(header.begin(), header.end(), ',');
   std::string kept = header + "\n";
   for (std::size_t r = 1; r < rows.size(); ++r) {
@@ -52,7 +54,8 @@ std::string continued(const std::filesystem::path& file, const std::string& head
 }  // namespace
 
 HistoryWriter::HistoryWriter(const Communicator& communicator, const std::filesystem::path& file,
-                             const std::vector<HistoryColumn>& columns, std::optional<GlobalIndex> restart_step)
+                             const std::vector<HistoryColumn>& columns,
+                             std::optional<GlobalIndex> restart_step)
     : communicator_(communicator), columns_(columns.size()) {
   debug_check(!columns.empty() && columns[0].name == "step", "the history's first column is not the step");
   on_root(communicator_, [&] {

@@ -9,8 +9,8 @@ namespace mpm {
 
 namespace {
 
-// A round moves about a thirty-second of a rank's particles, but no more than memory that malloc keeps at hand for the
-// next round; smaller pieces would be written too slowly.
+// A round moves about a thirty-second of a rank's particles, but no more than memory that malloc keeps at
+// hand for the next round; smaller pieces would be written too slowly.
 std::uint64_t rows_per_piece(std::uint64_t largest_rank, int bytes_per_particle) {
   const std::uint64_t most = std::max<std::uint64_t>((std::uint64_t{1} << 24) / bytes_per_particle, 1);
   return std::min(std::max<std::uint64_t>(largest_rank / 32, 1 << 14), most);
@@ -41,7 +41,8 @@ IdSlices::IdSlices(const Communicator& communicator, const FieldSet& particles, 
 
   // Where identities are missing, slices of equal width would hold few rows: cut by counts instead.
   const GlobalIndex range = highest - lowest_ + 1;
-  const GlobalIndex most_buckets = std::clamp<GlobalIndex>(static_cast<GlobalIndex>(16 * pieces), 1 << 12, 1 << 20);
+  const GlobalIndex most_buckets =
+      std::clamp<GlobalIndex>(static_cast<GlobalIndex>(16 * pieces), 1 << 12, 1 << 20);
   bucket_width_ = (range + most_buckets - 1) / most_buckets;
   std::vector<Real> counts(bucket(highest) + 1);
   for (Index p = 0; p < particles.size(); ++p)
@@ -75,7 +76,8 @@ IdSlices::Piece IdSlices::piece(int round) const {
   for (std::size_t i = round_start_[round]; i < round_start_[round + 1]; ++i)
     leaving[piece_of_bucket_[bucket(ids[order_[i]])] / rounds_].push_back(order_[i]);
   std::map<int, Communicator::Bytes> outgoing;
-  // Component by component, but of few particles at a time: the packed ones stay in the cache until all are there.
+  // Component by component, but of few particles at a time: the packed ones stay in the cache until all are
+  // there.
   constexpr std::size_t block = 256;
   std::vector<Index> some;
   for (const auto& [target, particles] : leaving) {
@@ -95,7 +97,8 @@ IdSlices::Piece IdSlices::piece(int round) const {
   outgoing.clear();
   std::size_t id_offset = 0;
   for (FieldId f = 0; f < id_; ++f)
-    id_offset += static_cast<std::size_t>(bytes_of(particles_.traits(f).type)) * particles_.traits(f).components;
+    id_offset +=
+        static_cast<std::size_t>(bytes_of(particles_.traits(f).type)) * particles_.traits(f).components;
   const std::size_t stride = particles_.bytes_per_particle();
   std::size_t arrived = 0;
   for (const auto& [source, bytes] : piece.messages) arrived += bytes.size() / stride;

@@ -10,8 +10,8 @@
 
 namespace mpm {
 
-// Identities may have gaps. All particles, ordered by identity, are rows 0 to total() - 1; each round gives each rank
-// one contiguous piece of them.
+// Identities may have gaps. All particles, ordered by identity, are rows 0 to total() - 1; each round gives
+// each rank one contiguous piece of them.
 class IdSlices {
  public:
   // The column `id` holds identities, negative ones are padding. Collective.
@@ -30,7 +30,9 @@ class IdSlices {
   Piece piece(int round) const;
 
  private:
-  std::size_t bucket(GlobalIndex id) const { return static_cast<std::size_t>((id - lowest_) / bucket_width_); }
+  std::size_t bucket(GlobalIndex id) const {
+    return static_cast<std::size_t>((id - lowest_) / bucket_width_);
+  }
 
   const Communicator& communicator_;
   const FieldSet& particles_;

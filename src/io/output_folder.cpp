@@ -25,7 +25,8 @@ bool is_part_of_run(const std::string& name) {
 std::vector<fs::path> files_of_run(const fs::path& folder) {
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(folder))
-    if (entry.is_regular_file() && is_part_of_run(entry.path().filename().string())) files.push_back(entry.path());
+    if (entry.is_regular_file() && is_part_of_run(entry.path().filename().string()))
+      files.push_back(entry.path());
   return files;
 }
 
@@ -49,9 +50,10 @@ void prepare(const OutputFolderRequest& request) {
                                    [](const fs::path& file) { return file.extension() != temporary_ending; });
   const bool continues = request.restart && holds(folder, request.restart->checkpoint);
   if (has_run && !continues && !request.force)
-    throw UserError(fmt::format("the output folder {} holds a run already; choose another one with --output, or "
-                                "replace the run with --force.",
-                                folder.string()));
+    throw UserError(
+        fmt::format("the output folder {} holds a run already; choose another one with --output, or "
+                    "replace the run with --force.",
+                    folder.string()));
   check_writable(folder);
   if (continues) {
     trim_frame_series(folder, request.restart->time);
@@ -77,9 +79,10 @@ void prepare_output_folder(const Communicator& communicator, const OutputFolderR
   together(communicator, [&] {
     std::error_code ignored;
     if (!fs::is_directory(request.folder, ignored))
-      throw FileError(fmt::format("rank {} can't see the output folder {}; choose one that all nodes share with "
-                                  "--output.",
-                                  communicator.rank(), request.folder.string()));
+      throw FileError(
+          fmt::format("rank {} can't see the output folder {}; choose one that all nodes share with "
+                      "--output.",
+                      communicator.rank(), request.folder.string()));
   });
 }
 

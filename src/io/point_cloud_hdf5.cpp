@@ -28,7 +28,8 @@ class CloudFile {
   }
 
   [[noreturn]] void fail(const std::string& fault) const {
-    throw FileError(fmt::format("{}{}point cloud {} {}.", where_, where_.empty() ? "" : ": ", file_.string(), fault));
+    throw FileError(
+        fmt::format("{}{}point cloud {} {}.", where_, where_.empty() ? "" : ": ", file_.string(), fault));
   }
 
   // The dataset, checked to have `rows` rows (0: any number) of the shape `row`; invalid when there is none.
@@ -40,9 +41,11 @@ class CloudFile {
     Extent expected = row, found = Hdf5Source::extent(dataset);
     expected.insert(expected.begin(), rows > 0 || found.empty() ? rows : found[0]);
     if (found != expected)
-      fail(fmt::format("has a dataset \"{}\" of shape ({}), but ({}{}{}) is wanted", name, fmt::join(found, ", "),
-                       rows > 0 ? std::to_string(rows) : "n", row.empty() ? "" : ", ", fmt::join(row, ", ")));
-    if (kind != H5T_FLOAT && kind != H5T_INTEGER) fail(fmt::format("has a dataset \"{}\" that holds no numbers", name));
+      fail(fmt::format("has a dataset \"{}\" of shape ({}), but ({}{}{}) is wanted", name,
+                       fmt::join(found, ", "), rows > 0 ? std::to_string(rows) : "n", row.empty() ? "" : ", ",
+                       fmt::join(row, ", ")));
+    if (kind != H5T_FLOAT && kind != H5T_INTEGER)
+      fail(fmt::format("has a dataset \"{}\" that holds no numbers", name));
     return dataset;
   }
 
@@ -64,7 +67,8 @@ class CloudFile {
       fail(fmt::format("is damaged: dataset \"{}\" can't be read", name));
     for (std::uint64_t i = 0; i < size; ++i)
       if (!std::isfinite(values[i]))
-        fail(fmt::format("has a value in row {} of \"{}\" that is not finite", first + i / (size / rows), name));
+        fail(fmt::format("has a value in row {} of \"{}\" that is not finite", first + i / (size / rows),
+                         name));
     return values;
   }
 
@@ -98,10 +102,12 @@ void read_share(const CloudFile& file, std::uint64_t total, std::uint64_t rows, 
   cloud.deformation_gradients = as_matrices<Mat<Dim>>(share("deformation_gradient", {Dim, Dim}));
   for (std::size_t p = 0; p < cloud.volumes.size(); ++p)
     if (cloud.volumes[p] <= 0)
-      file.fail(fmt::format("has the volume {} m^3 in row {}, but volumes are positive", cloud.volumes[p], first + p));
+      file.fail(fmt::format("has the volume {} m^3 in row {}, but volumes are positive", cloud.volumes[p],
+                            first + p));
   for (std::size_t p = 0; p < cloud.deformation_gradients.size(); ++p)
     if (cloud.deformation_gradients[p].determinant() <= 0)
-      file.fail(fmt::format("has a deformation_gradient in row {} whose determinant is not positive", first + p));
+      file.fail(
+          fmt::format("has a deformation_gradient in row {} whose determinant is not positive", first + p));
 }
 
 }  // namespace
@@ -134,7 +140,9 @@ PointCloud<Dim> read_point_cloud_hdf5(const Communicator& communicator, const st
   return cloud;
 }
 
-template PointCloud<2> read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&, const std::string&);
-template PointCloud<3> read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&, const std::string&);
+template PointCloud<2> read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&,
+                                             const std::string&);
+template PointCloud<3> read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&,
+                                             const std::string&);
 
 }  // namespace mpm

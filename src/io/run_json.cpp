@@ -38,7 +38,8 @@ std::string run_json_text(const RunReport& report) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void write_run_json(const Communicator& communicator, const std::filesystem::path& file, const RunReport& report) {
+void write_run_json(const Communicator& communicator, const std::filesystem::path& file,
+                    const RunReport& report) {
   on_root(communicator, [&] { replace_text_file(file, run_json_text(report)); });
 }
 

@@ -23,7 +23,8 @@ void replace_text_file(const std::filesystem::path& file, const std::string& tex
   }
 }
 
-void write_text_file(const Communicator& communicator, const std::filesystem::path& file, const std::string& text) {
+void write_text_file(const Communicator& communicator, const std::filesystem::path& file,
+                     const std::string& text) {
   on_root(communicator, [&] { replace_text_file(file, text); });
 }
 

@@ -3,7 +3,9 @@
 #include <petscksp.h>
 
 #include <algorithm>
+#include <cctype>
 #include <exception>
+#include <sstream>
 
 #include "mpm_hpc/parallel/mpi_handle.hpp"
 #include "petsc_check.hpp"
@@ -60,6 +62,22 @@ std::vector<std::string>& prefixes() {
   return all;
 }
 
+// The options given to a solver, as " -phase_pc_type nonsense ...".
+std::string options_with_prefix(const std::string& prefix) {
+  char* all = nullptr;
+  petsc_check(PetscOptionsGetAll(nullptr, &all), "PetscOptionsGetAll");
+  std::istringstream words(all);
+  petsc_check(PetscFree(all), "PetscFree");
+  std::string found;
+  bool ours = false;
+  for (std::string word; words >> word;) {
+    if (word.size() > 1 && word[0] == '-' && !std::isdigit(static_cast<unsigned char>(word[1])))
+      ours = word.starts_with("-" + prefix);
+    if (ours) found += " " + word;
+  }
+  return found;
+}
+
 }  // namespace
 
 LinearSolver::LinearSolver(const Communicator& communicator, const std::string& prefix,
@@ -76,8 +94,8 @@ LinearSolver::LinearSolver(const Communicator& communicator, const std::string& 
   petsc_check(KSPSetTolerances(ksp, options.relative_tolerance, 0.0, PETSC_DEFAULT, options.max_iterations),
               "KSPSetTolerances");
   petsc_check(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE), "KSPSetInitialGuessNonzero");
-  require(KSPSetFromOptions(ksp) == 0,
-          "PETSc refuses the value of an option that begins with -{}; correct it, or see -help for what is possible", prefix);
+  require(KSPSetFromOptions(ksp) == 0, "PETSc refuses one of the options{}; correct its value or leave it out",
+          options_with_prefix(prefix));
   prefixes().push_back(prefix);
 }
 

@@ -3,8 +3,8 @@
     check_frames.py              frames that test_mpi writes on three ranks (environment as under ctest)
     check_frames.py FOLDER...    frames of any run
 
-Prints what it finds and compares it with what it expects. Without h5py or VTK that part is skipped, with a line that
-says so.
+Prints what it finds and compares it with what it expects. Without h5py or VTK that part is skipped, with a
+line that says so.
 """
 import json
 import math
@@ -29,7 +29,7 @@ failures = 0
 
 
 def check(what, found, expected):
-    """Prints both values; equal_nan, as a column that a body lacks is NaN there."""
+    """Prints both values; NaN equals NaN, as a column that a body lacks is NaN there."""
     global failures
     if h5py and isinstance(expected, numpy.ndarray):
         same = numpy.array_equal(found, expected, equal_nan=expected.dtype.kind == "f")
@@ -54,12 +54,12 @@ def frames_of(folder):
 
 
 def check_with_h5py(path, time):
-    """The layout that the VTKHDF 1.0 specification asks for. Returns the number of points and the point arrays."""
+    """The layout that the VTKHDF 1.0 specification asks for. Returns the coordinates and the point arrays."""
     with h5py.File(path, "r") as file:
         root = file["VTKHDF"]
         check("Type", bytes(root.attrs["Type"]), b"UnstructuredGrid")
-        check("Type is a fixed-length ASCII string", tuple(h5py.check_string_dtype(root.attrs.get_id("Type").dtype)),
-              ("ascii", 16))
+        check("Type is a fixed-length ASCII string",
+              tuple(h5py.check_string_dtype(root.attrs.get_id("Type").dtype)), ("ascii", 16))
         check("Version", list(root.attrs["Version"]), [1, 0])
         points = root["NumberOfPoints"][()]
         total = int(points.sum())
@@ -90,7 +90,8 @@ def check_with_vtk(path, expected):
     if len(points) == 0:
         return
     data = grid.GetPointData()
-    check("arrays in VTK", sorted(data.GetArrayName(i) for i in range(data.GetNumberOfArrays())), sorted(arrays))
+    names = [data.GetArrayName(i) for i in range(data.GetNumberOfArrays())]
+    check("arrays in VTK", sorted(names), sorted(arrays))
     check("kind of the cells in VTK", {grid.GetCellType(i) for i in (0, len(points) // 2, len(points) - 1)},
           {vtk.VTK_VERTEX})
     check("point of the last cell in VTK", grid.GetCell(len(points) - 1).GetPointId(0), len(points) - 1)
@@ -127,7 +128,7 @@ def sample(folder):
         check("phase outside the ball", set(map(math.isnan, arrays["phase"][arrays["body"] == 0])), {True})
         check("stress of the ball", arrays["stress"][arrays["body"] == 1][0],
               numpy.array([10, 11, 0, 12, 13, 0, 0, 0, 0], "f4"))
-        check("F out of the plane is not in the default list", "deformation_gradient" in arrays, False)
+        check("a column that is not written by default", "deformation_gradient" in arrays, False)
     print("== empty")
     check_folder(folder / "empty")
 

@@ -1,6 +1,5 @@
-// Checkpoints: every particle comes back bit by bit, whoever owned it, and old files go only when new ones are there.
-#include "mpm_hpc/io/checkpoint.hpp"
-
+// Checkpoints: every particle comes back bit by bit, whoever owned it, and old files go only when new ones
+// are there.
 #include <gtest/gtest.h>
 #include <hdf5.h>
 #include <sys/resource.h>
@@ -12,6 +11,7 @@
 #include <set>
 
 #include "io_test_bodies.hpp"
+#include "mpm_hpc/io/checkpoint.hpp"
 #include "support/mpi_test.hpp"
 
 namespace mpm::test {
@@ -50,7 +50,8 @@ void round_trip(Precision precision) {
   const Communicator world = Communicator::world();
   SharedTemporaryFolder folder;
   const CheckpointState written = state_of_step(42);
-  const auto file = write_checkpoint(world, folder.path(), written, test_bodies<Dim>(world, precision), precision);
+  const auto file =
+      write_checkpoint(world, folder.path(), written, test_bodies<Dim>(world, precision), precision);
   EXPECT_EQ(file, folder / "checkpoint_000000042.h5");
 
   std::vector<Body<Dim>> bodies = bodies_without_particles<Dim>(precision);
@@ -87,7 +88,8 @@ TEST(IoCheckpoint, RoundTrip2dSingle) { round_trip<2>(Precision::single_precisio
 TEST(IoCheckpoint, RoundTrip3dDouble) { round_trip<3>(Precision::double_precision); }
 TEST(IoCheckpoint, RoundTrip3dSingle) { round_trip<3>(Precision::single_precision); }
 
-// More particles than one round moves, spread such that a rank's particles all lie in one corner of the identities.
+// More particles than one round moves, spread such that a rank's particles all lie in one corner of the
+// identities.
 TEST(IoCheckpoint, ManyRounds) {
   const Communicator world = Communicator::world();
   SharedTemporaryFolder folder;
@@ -98,12 +100,14 @@ TEST(IoCheckpoint, ManyRounds) {
   FieldSet& set = bodies[0].particles;
   const auto write_values = [&](GlobalIndex id, Index p) {
     for (FieldId f = 1; f < set.count(); ++f)
-      for (int c = 0; c < set.traits(f).components; ++c) set_value(set, f, c, p, expected_value(set, f, c, id));
+      for (int c = 0; c < set.traits(f).components; ++c)
+        set_value(set, f, c, p, expected_value(set, f, c, id));
     set.data<GlobalIndex>(core::id)[p] = id;
   };
   set.resize(mine);
   for (Index p = 0; p < mine; ++p) write_values(3 * (total - 1 - first - p), p);
-  const auto file = write_checkpoint(world, folder.path(), state_of_step(1), bodies, Precision::single_precision);
+  const auto file =
+      write_checkpoint(world, folder.path(), state_of_step(1), bodies, Precision::single_precision);
 
   std::vector<Body<2>> read;
   read.emplace_back("block", 0, Precision::single_precision);
@@ -138,7 +142,8 @@ TEST(IoCheckpoint, KeepsTheLastTwo) {
   EXPECT_EQ(write(30), (Names{"checkpoint_000000020.h5", "checkpoint_000000030.h5", "checkpoint_notes.h5"}));
   // Restarted from step 20: 30 belongs to the course that was given up.
   EXPECT_EQ(write(25), (Names{"checkpoint_000000020.h5", "checkpoint_000000025.h5", "checkpoint_notes.h5"}));
-  EXPECT_EQ(write(1234567890), (Names{"checkpoint_000000025.h5", "checkpoint_1234567890.h5", "checkpoint_notes.h5"}));
+  EXPECT_EQ(write(1234567890),
+            (Names{"checkpoint_000000025.h5", "checkpoint_1234567890.h5", "checkpoint_notes.h5"}));
 }
 
 TEST(IoCheckpoint, LatestSkipsWhatIsDamaged) {
@@ -222,7 +227,8 @@ TEST(IoCheckpoint, FullDiskLeavesTheOldFileAlone) {
     EXPECT_NE(try_writing().find("checkpoint_000000002.h5"), std::string::npos) << bytes;
   }
   for (int rank = 0; rank < world.size(); ++rank) {
-    if (rank == 1) continue;  // it gets a slab to write like any other, but let the file's end be rank 0's or the last's
+    if (rank == 1)
+      continue;  // it gets a slab to write like any other, but let the file's end be rank 0's or the last's
     std::unique_ptr<FileSizeLimit> limit;
     if (world.rank() == rank) limit = std::make_unique<FileSizeLimit>(1000);
     try_writing();

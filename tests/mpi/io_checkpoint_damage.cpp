@@ -1,4 +1,5 @@
-// Checkpoints that are not what they should be: the same sentence on all ranks, no hang, and never wrong particles.
+// Checkpoints that are not what they should be: the same sentence on all ranks, no hang, and never wrong
+// particles.
 #include <gtest/gtest.h>
 #include <hdf5.h>
 
@@ -18,7 +19,8 @@ std::vector<Body<2>> small_bodies(bool with_particles) {
   std::vector<Body<2>> bodies;
   bodies.emplace_back("plate", 0, precision);
   const Communicator world = Communicator::world();
-  if (with_particles) fill(bodies[0].particles, {3, 4, 5, 8, 20, 21, 22, 23, 24, 25}, world.rank(), world.size());
+  if (with_particles)
+    fill(bodies[0].particles, {3, 4, 5, 8, 20, 21, 22, 23, 24, 25}, world.rank(), world.size());
   return bodies;
 }
 
@@ -94,8 +96,9 @@ TEST_F(IoCheckpointDamage, NoHdf5) {
 }
 
 TEST_F(IoCheckpointDamage, CutShort) {
-  for (const std::size_t length : {std::size_t{1}, std::size_t{7}, std::size_t{8}, std::size_t{20}, std::size_t{48},
-                                   std::size_t{1000}, content_.size() / 2, content_.size() - 1}) {
+  for (const std::size_t length :
+       {std::size_t{1}, std::size_t{7}, std::size_t{8}, std::size_t{20}, std::size_t{48}, std::size_t{1000},
+        content_.size() / 2, content_.size() - 1}) {
     put(content_.substr(0, length));
     expect_fault("is cut short");
   }
@@ -164,7 +167,9 @@ TEST_F(IoCheckpointDamage, OtherScene) {
   const auto fault_with = [&](auto bodies, Precision chosen) {
     return text_on_all_ranks<FileError>(world_, [&] { read_checkpoint(world_, file_, bodies, chosen); });
   };
-  const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
+  const auto has = [](const std::string& text, const char* part) {
+    return text.find(part) != std::string::npos;
+  };
 
   const std::string dimension = fault_with(bodies_without_particles<3>(precision), precision);
   EXPECT_TRUE(has(dimension, "is of a 2D run, the scene is 3D")) << dimension;

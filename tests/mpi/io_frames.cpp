@@ -1,6 +1,4 @@
 // Frames: what another program finds in them, read back with plain HDF5 calls on rank 0.
-#include "mpm_hpc/io/frames.hpp"
-
 #include <gtest/gtest.h>
 #include <hdf5.h>
 
@@ -12,6 +10,7 @@
 #include <random>
 
 #include "io_test_bodies.hpp"
+#include "mpm_hpc/io/frames.hpp"
 #include "support/mpi_test.hpp"
 
 namespace mpm::test {
@@ -30,17 +29,21 @@ struct Array {
 
 class FrameFile {
  public:
-  explicit FrameFile(const std::filesystem::path& file) : file_(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)) {
+  explicit FrameFile(const std::filesystem::path& file)
+      : file_(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT)) {
     EXPECT_GE(file_, 0) << file;
   }
   ~FrameFile() { H5Fclose(file_); }
 
-  bool has(const std::string& name) const { return H5Lexists(file_, ("VTKHDF/" + name).c_str(), H5P_DEFAULT) > 0; }
+  bool has(const std::string& name) const {
+    return H5Lexists(file_, ("VTKHDF/" + name).c_str(), H5P_DEFAULT) > 0;
+  }
   Array read(const std::string& name) const {
     Array array;
     const hid_t dataset = H5Dopen2(file_, ("VTKHDF/" + name).c_str(), H5P_DEFAULT);
     EXPECT_GE(dataset, 0) << name;
-    const hid_t space = H5Dget_space(dataset), type = H5Dget_type(dataset), list = H5Dget_create_plist(dataset);
+    const hid_t space = H5Dget_space(dataset), type = H5Dget_type(dataset),
+                list = H5Dget_create_plist(dataset);
     array.shape.resize(H5Sget_simple_extent_ndims(space));
     H5Sget_simple_extent_dims(space, array.shape.data(), nullptr);
     array.values.resize(H5Sget_simple_extent_npoints(space));
@@ -48,7 +51,8 @@ class FrameFile {
     array.bytes = H5Tget_size(type);
     array.chunked = H5Pget_layout(list) == H5D_CHUNKED;
     if (!array.values.empty()) {
-      EXPECT_GE(H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, array.values.data()), 0) << name;
+      EXPECT_GE(H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, array.values.data()), 0)
+          << name;
     }
     H5Pclose(list);
     H5Tclose(type);
@@ -122,10 +126,10 @@ void check_frame(const std::filesystem::path& file, int ranks, int deflate) {
   EXPECT_EQ(frame.read("FieldData/TimeValue").values, std::vector<double>{0.25});
   EXPECT_EQ(frame.read("FieldData/step").values, std::vector<double>{50});
 
-  const Array points = frame.read("Points"), id = frame.read("PointData/id"), body = frame.read("PointData/body"),
-              velocity = frame.read("PointData/velocity"), phase = frame.read("PointData/phase"),
-              age = frame.read("PointData/age"), J = frame.read("PointData/J"),
-              stress = frame.read("PointData/stress");
+  const Array points = frame.read("Points"), id = frame.read("PointData/id"),
+              body = frame.read("PointData/body"), velocity = frame.read("PointData/velocity"),
+              phase = frame.read("PointData/phase"), age = frame.read("PointData/age"),
+              J = frame.read("PointData/J"), stress = frame.read("PointData/stress");
   EXPECT_EQ(points.bytes, 8u);
   EXPECT_EQ(id.bytes, 8u);
   EXPECT_EQ(id.kind, H5T_INTEGER);
@@ -205,7 +209,8 @@ TEST(IoFrames, UnknownField) {
   const auto bodies = bodies_without_particles<3>(Precision::single_precision);
   const FrameWriter<3> writer(world, folder.path(), {.fields = {"veloctiy"}, .where = "scene.toml:7:1"});
   const std::string text = text_on_all_ranks<UserError>(world, [&] { writer.check_fields(bodies, {}); });
-  EXPECT_TRUE(text.starts_with("scene.toml:7:1: there is no field \"veloctiy\" to write (did you mean \"velocity\"?)"))
+  EXPECT_TRUE(text.starts_with(
+      "scene.toml:7:1: there is no field \"veloctiy\" to write (did you mean \"velocity\"?)"))
       << text;
 }
 
@@ -223,8 +228,8 @@ TEST(IoFrames, NoParticlesAnywhere) {
   }
 }
 
-// Several pieces per rank and several chunks (of 2^15 rows). The second chunk ends with rank 0, rank 1 has a small part of
-// the third, and the other borders fall anywhere. `noise` can't be compressed.
+// Several pieces per rank and several chunks (of 2^15 rows). The second chunk ends with rank 0, rank 1 has a
+// small part of the third, and the other borders fall anywhere. `noise` can't be compressed.
 TEST(IoFrames, CompressedEqualsContiguous) {
   const Communicator world = Communicator::world();
   SharedTemporaryFolder folder;
@@ -242,7 +247,8 @@ TEST(IoFrames, CompressedEqualsContiguous) {
         set_value(set, f, c, p, f == core::velocity && c == 0 ? 0 : static_cast<Real>(noise >> 11) * 1e-16);
         if (f == noise_column) set.data<GlobalIndex>(f)[p] = static_cast<GlobalIndex>(noise);
       }
-  for (Index p = 0; p < set.size(); ++p) set.data<GlobalIndex>(core::id)[p] = world.rank() > 0 && p % 11 == 5 ? -1 : p;
+  for (Index p = 0; p < set.size(); ++p)
+    set.data<GlobalIndex>(core::id)[p] = world.rank() > 0 && p % 11 == 5 ? -1 : p;
   for (const int deflate : {0, 6}) {
     const auto part = folder / std::to_string(deflate);
     if (world.root()) std::filesystem::create_directory(part);
@@ -326,6 +332,24 @@ TEST(IoFrames, Faults) {
   }
   world.barrier();
   text_on_all_ranks<FileError>(world, [&] { FrameWriter<2>(world, folder.path(), {}); });
+}
+
+// One rank's field fails; with compression the ranks meet before the end of each dataset.
+TEST(IoFrames, DerivedFieldThatThrows) {
+  const Communicator world = Communicator::world();
+  const int failing = world.size() == 2 ? 0 : world.size() - 1;  // rank 1 has no particles
+  for (const int deflate : {0, 1}) {
+    SharedTemporaryFolder folder;
+    const auto bodies = test_bodies<2>(world, Precision::single_precision);
+    FrameWriter<2> writer(world, folder.path(), {.deflate = deflate});
+    const auto fill = [&](std::size_t, Index, Index, Real*) {
+      if (world.rank() == failing) throw NumericalFailure("no stress");
+    };
+    const std::string text =
+        text_on_all_ranks<NumericalFailure>(world, [&] { writer.write(0, 0, bodies, {{"stress", 1, fill}}); });
+    EXPECT_EQ(text, "no stress");
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  }
 }
 
 // For tests/checks/check_frames.py, which reads these frames with h5py and VTK.

@@ -1,4 +1,5 @@
-// Point clouds in HDF5: each rank gets its rows, and a wrong file gives one sentence with the place in the scene.
+// Point clouds in HDF5: each rank gets its rows, and a wrong file gives one sentence with the place in the
+// scene.
 #include <gtest/gtest.h>
 #include <hdf5.h>
 
@@ -17,7 +18,8 @@ class IoPointCloud : public testing::Test {
   using Shape = std::vector<hsize_t>;
 
   // Rank 0 adds a dataset with values value(0), value(1), ... in row-major order.
-  void add(const std::string& name, const Shape& shape, hid_t type, const std::function<double(std::size_t)>& value) {
+  void add(const std::string& name, const Shape& shape, hid_t type,
+           const std::function<double(std::size_t)>& value) {
     if (world_.root()) {
       const bool exists = std::filesystem::exists(file_);
       const hid_t file = exists ? H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT)
@@ -27,7 +29,8 @@ class IoPointCloud : public testing::Test {
       std::vector<double> values(size);
       for (std::size_t i = 0; i < size; ++i) values[i] = value(i);
       const hid_t space = H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr);
-      const hid_t dataset = H5Dcreate2(file, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+      const hid_t dataset =
+          H5Dcreate2(file, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
       if (size > 0) H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data());
       H5Dclose(dataset);
       H5Sclose(space);
@@ -114,7 +117,8 @@ TEST_F(IoPointCloud, Faults) {
   expect_fault("a value in row 3 of \"position\" that is not finite");
   remove();
   add("position", {5, 2}, H5T_IEEE_F64LE, number);
-  add("deformation_gradient", {5, 2, 2}, H5T_IEEE_F64LE, [](std::size_t i) { return i % 4 == 0 ? 1.0 : 0.0; });
+  add("deformation_gradient", {5, 2, 2}, H5T_IEEE_F64LE,
+      [](std::size_t i) { return i % 4 == 0 ? 1.0 : 0.0; });
   expect_fault("a deformation_gradient in row 0 whose determinant is not positive");
 }
 

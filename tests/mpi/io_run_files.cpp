@@ -1,4 +1,5 @@
-// history.csv, run.json and the output folder: agreed on by all ranks, continued by a restart, never lost by accident.
+// history.csv, run.json and the output folder: agreed on by all ranks, continued by a restart, never lost by
+// accident.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -76,11 +77,12 @@ TEST_F(IoRunFiles, HistoryGoesOnAfterARestart) {
 TEST_F(IoRunFiles, HistoryOfAnotherRun) {
   const std::string before = "step [1],time [s]\n0,0\n";
   put("history.csv", before);
-  const std::string fault =
-      text_on_all_ranks<FileError>(world_, [&] { HistoryWriter(world_, folder_ / "history.csv", columns, 0); });
+  const std::string fault = text_on_all_ranks<FileError>(
+      world_, [&] { HistoryWriter(world_, folder_ / "history.csv", columns, 0); });
   EXPECT_NE(fault.find("has other columns than this run"), std::string::npos) << fault;
   EXPECT_EQ(text("history.csv"), before);
-  text_on_all_ranks<FileError>(world_, [&] { HistoryWriter(world_, folder_ / "missing/history.csv", columns); });
+  text_on_all_ranks<FileError>(world_,
+                               [&] { HistoryWriter(world_, folder_ / "missing/history.csv", columns); });
 }
 
 TEST_F(IoRunFiles, RunJson) {
@@ -99,10 +101,26 @@ TEST_F(IoRunFiles, RunJson) {
   report.exit_reason = "particle 3 \xff left";
   write_run_json(world_, folder_ / "run.json", report);
   const auto json = nlohmann::json::parse(text("run.json"));
-  for (const char* key :
-       {"version", "scene_hash", "ranks", "dimension", "precision", "particles", "nodes", "steps", "time",
-        "wall_seconds", "particle_steps_per_second_per_core", "bytes_per_particle", "peak_rss_bytes", "stages",
-        "messages_per_step", "bytes_per_step", "imbalance", "solver_iterations", "guards", "exit"})
+  for (const char* key : {"version",
+                          "scene_hash",
+                          "ranks",
+                          "dimension",
+                          "precision",
+                          "particles",
+                          "nodes",
+                          "steps",
+                          "time",
+                          "wall_seconds",
+                          "particle_steps_per_second_per_core",
+                          "bytes_per_particle",
+                          "peak_rss_bytes",
+                          "stages",
+                          "messages_per_step",
+                          "bytes_per_step",
+                          "imbalance",
+                          "solver_iterations",
+                          "guards",
+                          "exit"})
     EXPECT_TRUE(json.contains(key)) << key;
   EXPECT_EQ(json["particles"], GlobalIndex{1} << 40);
   EXPECT_EQ(json["precision"], "single");
@@ -124,8 +142,8 @@ TEST_F(IoRunFiles, NewFolder) {
 }
 
 TEST_F(IoRunFiles, ExistingRun) {
-  for (const char* file : {"run.json", "history.csv", "frames.hdf.series", "frame_000012.hdf",
-                           "checkpoint_000000000.h5"}) {
+  for (const char* file :
+       {"run.json", "history.csv", "frames.hdf.series", "frame_000012.hdf", "checkpoint_000000000.h5"}) {
     put(std::string("out/") + file);
     const std::string fault =
         text_on_all_ranks<UserError>(world_, [&] { prepare_output_folder(world_, {folder_ / "out"}); });
@@ -141,8 +159,8 @@ TEST_F(IoRunFiles, ForceRemovesTheRunAndNothingElse) {
   const std::set<std::string> others = {"scene.toml", "notes.csv", "frame_12.hdf", "frame_000001.hdf.bak",
                                         "checkpoint_000000001.h5.old"};
   for (const std::string& name : others) put("out/" + name);
-  for (const char* name : {"run.json", "history.csv", "frames.hdf.series", "frame_000000.hdf", "frame_1000000.hdf",
-                           "checkpoint_000000001.h5", "checkpoint_000000002.h5.tmp"})
+  for (const char* name : {"run.json", "history.csv", "frames.hdf.series", "frame_000000.hdf",
+                           "frame_1000000.hdf", "checkpoint_000000001.h5", "checkpoint_000000002.h5.tmp"})
     put(std::string("out/") + name);
   put("out/checkpoint_000000003.h5/kept");
   prepare_output_folder(world_, {folder_ / "out", true});
@@ -152,14 +170,18 @@ TEST_F(IoRunFiles, ForceRemovesTheRunAndNothingElse) {
 }
 
 TEST_F(IoRunFiles, RestartIntoTheSameFolder) {
-  for (const char* name : {"run.json", "history.csv", "frame_000000.hdf", "frame_000001.hdf", "frame_000002.hdf",
-                           "checkpoint_000000010.h5", "checkpoint_000000020.h5"})
+  for (const char* name : {"run.json", "history.csv", "frame_000000.hdf", "frame_000001.hdf",
+                           "frame_000002.hdf", "checkpoint_000000010.h5", "checkpoint_000000020.h5"})
     put(std::string("out/") + name);
   if (world_.root())
-    write_frame_series(folder_ / "out", {{"frame_000000.hdf", 0}, {"frame_000001.hdf", 0.5}, {"frame_000002.hdf", 1}});
-  const std::set<std::string> expected = {"run.json",         "history.csv",
-                                          "frame_000000.hdf", "frame_000001.hdf",
-                                          "frames.hdf.series", "checkpoint_000000010.h5",
+    write_frame_series(folder_ / "out",
+                       {{"frame_000000.hdf", 0}, {"frame_000001.hdf", 0.5}, {"frame_000002.hdf", 1}});
+  const std::set<std::string> expected = {"run.json",
+                                          "history.csv",
+                                          "frame_000000.hdf",
+                                          "frame_000001.hdf",
+                                          "frames.hdf.series",
+                                          "checkpoint_000000010.h5",
                                           "checkpoint_000000020.h5"};
   const RestartPoint restart{folder_ / "out/checkpoint_000000010.h5", 0.5};
   // Another spelling of the same folder, and --force, which must not remove what the restart needs.
@@ -170,7 +192,8 @@ TEST_F(IoRunFiles, RestartIntoTheSameFolder) {
   // From elsewhere, the run in the folder is another one.
   put("elsewhere/checkpoint_000000010.h5");
   text_on_all_ranks<UserError>(world_, [&] {
-    prepare_output_folder(world_, {folder_ / "out", false, RestartPoint{folder_ / "elsewhere/checkpoint_000000010.h5", 0.5}});
+    prepare_output_folder(
+        world_, {folder_ / "out", false, RestartPoint{folder_ / "elsewhere/checkpoint_000000010.h5", 0.5}});
   });
   EXPECT_EQ(names("out"), expected);
 }

@@ -1,5 +1,5 @@
-// Bodies for the tests of files: every value is a formula of the particle's identity, so that any rank can check any
-// particle it gets, however the particles were spread when they were written.
+// Bodies for the tests of files: every value is a formula of the particle's identity, so that any rank can
+// check any particle it gets, however the particles were spread when they were written.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -52,7 +52,8 @@ std::vector<Body<Dim>> bodies_without_particles(Precision precision) {
   std::vector<Body<Dim>> bodies;
   for (const char* name : {"plate", "ball / 2.", "nothing left"}) bodies.emplace_back(name, 0, precision);
   bodies[1].particles.add({.name = "phase", .units = "1", .type = real_type(precision), .in_output = true});
-  bodies[1].particles.add({.name = "age", .units = "1", .type = ScalarType::int64, .components = 2, .in_output = true});
+  bodies[1].particles.add(
+      {.name = "age", .units = "1", .type = ScalarType::int64, .components = 2, .in_output = true});
   return bodies;
 }
 
@@ -85,7 +86,8 @@ inline Real expected_value(const FieldSet& set, FieldId f, int c, GlobalIndex id
   return set.traits(f).type == ScalarType::int64 ? static_cast<Real>(static_cast<GlobalIndex>(value)) : value;
 }
 
-// This rank's particles among `ids`, in descending order, with a padding entry full of nonsense after every third.
+// This rank's particles among `ids`, in descending order, with a padding entry full of nonsense after every
+// third.
 inline void fill(FieldSet& set, const std::vector<GlobalIndex>& ids, int rank, int ranks) {
   std::vector<GlobalIndex> mine;
   for (auto id = ids.rbegin(); id != ids.rend(); ++id) {
@@ -110,7 +112,8 @@ std::vector<Body<Dim>> test_bodies(const Communicator& communicator, Precision p
   return bodies;
 }
 
-// The text of the Error of this kind that all ranks must get, with the same words; "" and a failure otherwise.
+// The text of the Error of this kind that all ranks must get, with the same words; "" and a failure
+// otherwise.
 template <class Kind>
 std::string text_on_all_ranks(const Communicator& communicator, const std::function<void()>& action) {
   std::string text;

@@ -12,7 +12,8 @@ namespace mpm::test {
 template <int Dim>
 class SceneWorld {
  public:
-  explicit SceneWorld(const std::string& text, const std::vector<EffectEntry<Dim>>& effects = effect_list<Dim>()) {
+  explicit SceneWorld(const std::string& text,
+                      const std::vector<EffectEntry<Dim>>& effects = effect_list<Dim>()) {
     Parameters parameters = Parameters::read_text(text, "scene.toml");
     read_dimension(parameters);
     scene = read_scene<Dim>(parameters, effects);

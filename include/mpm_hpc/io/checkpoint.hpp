@@ -48,22 +48,23 @@ struct CheckpointHeader {
   std::vector<CheckpointBody> bodies;
 };
 
-// Writes folder/checkpoint_STEP.h5: under a temporary name, synced, renamed. Then removes what is neither this file nor
-// the newest one of an earlier step; files of later steps belong to a course of the run that was given up. Padding is
-// left out, particles are ordered by identity. Throws FileError on all ranks, with all earlier checkpoints untouched.
-// Transient memory: about a tenth of the particles'. Returns the file. Collective.
+// Writes folder/checkpoint_STEP.h5: under a temporary name, synced, renamed. Then removes what is neither
+// this file nor the newest one of an earlier step; files of later steps belong to a course of the run that
+// was given up. Padding is left out, particles are ordered by identity. Throws FileError on all ranks, with
+// all earlier checkpoints untouched. Transient memory: about a tenth of the particles'. Returns the file.
+// Collective.
 template <int Dim>
 std::filesystem::path write_checkpoint(const Communicator& communicator, const std::filesystem::path& folder,
                                        const CheckpointState& state, const std::vector<Body<Dim>>& bodies,
                                        Precision precision);
 
-// Everything but the particles; checks all but their checksums. Throws FileError on all ranks, which names the file, the
-// fault and a remedy. Collective.
+// Everything but the particles; checks all but their checksums. Throws FileError on all ranks, which names
+// the file, the fault and a remedy. Collective.
 CheckpointHeader read_checkpoint_header(const Communicator& communicator, const std::filesystem::path& file);
 
-// Gives each rank an equal share of each body's particles; the caller brings them to their owners. The bodies have
-// their columns and no particles. Throws FileError on all ranks, also if bodies or columns are not those of the file.
-// Collective.
+// Gives each rank an equal share of each body's particles; the caller brings them to their owners. The bodies
+// have their columns and no particles. Throws FileError on all ranks, also if bodies or columns are not those
+// of the file. Collective.
 template <int Dim>
 CheckpointState read_checkpoint(const Communicator& communicator, const std::filesystem::path& file,
                                 std::vector<Body<Dim>>& bodies, Precision precision);

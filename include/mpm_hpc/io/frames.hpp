@@ -1,4 +1,5 @@
-// Particles as frames for ParaView: one VTKHDF 1.0 file (unstructured grid of vertices) per frame, and their index.
+// Particles as frames for ParaView: one VTKHDF 1.0 file (unstructured grid of vertices) per frame, and their
+// index.
 #pragma once
 
 #include <filesystem>
@@ -16,21 +17,22 @@ namespace mpm {
 struct DerivedField {
   std::string name;
   int components = 1;
-  // Component c of particle p of bodies[body] into values[c * (end - begin) + p - begin]. begin and end are multiples
-  // of the pack width; entries of padding are ignored, and what stays untouched is NaN.
+  // Component c of particle p of bodies[body] into values[c * (end - begin) + p - begin]. begin and end are
+  // multiples of the pack width; entries of padding are ignored, and what stays untouched is NaN.
   std::function<void(std::size_t body, Index begin, Index end, Real* values)> fill;
 };
 
 struct FrameOptions {
-  std::vector<std::string> fields = {};  // names of columns and derived fields; empty: columns with in_output, all derived
+  std::vector<std::string> fields =
+      {};  // names of columns and derived fields; empty: columns with in_output, all derived
   Precision precision = Precision::single_precision;  // of real columns; positions are always double
   int deflate = 0;                                    // 0: contiguous; 1 to 9: compressed, much slower
-  std::string where = {};                                  // place of `fields` in the scene, for messages
+  std::string where = {};                             // place of `fields` in the scene, for messages
 };
 
-// All bodies of a frame are one grid with one partition per rank and an array "body" with the number of the body.
-// Vectors get three components and tensors nine; a column that a body lacks is NaN (integers: -1) there. A series
-// that the folder has already is continued, and a frame of the same time is replaced.
+// All bodies of a frame are one grid with one partition per rank and an array "body" with the number of the
+// body. Vectors get three components and tensors nine; a column that a body lacks is NaN (integers: -1)
+// there. A series that the folder has already is continued, and a frame of the same time is replaced.
 template <int Dim>
 class FrameWriter {
  public:

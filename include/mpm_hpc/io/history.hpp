@@ -19,8 +19,9 @@ struct HistoryColumn {
 // The first column is the step. Rank 0 writes; each row is in the file when write() returns.
 class HistoryWriter {
  public:
-  // Starts a new file, or with `restart_step` continues an existing one, whose rows after that step (and a row cut off
-  // by a kill) are dropped. Throws FileError on all ranks, also if the file has other columns. Collective.
+  // Starts a new file, or with `restart_step` continues an existing one, whose rows after that step (and a
+  // row cut off by a kill) are dropped. Throws FileError on all ranks, also if the file has other columns.
+  // Collective.
   HistoryWriter(const Communicator& communicator, const std::filesystem::path& file,
                 const std::vector<HistoryColumn>& columns, std::optional<GlobalIndex> restart_step = {});
   ~HistoryWriter();

@@ -22,9 +22,10 @@ struct OutputFolderRequest {
 // Makes the folder ready to be written to:
 // - a folder without a run is created or used as it is;
 // - one that holds the checkpoint of the restart is continued: frames later than it are removed;
-// - with `force` the files of the run in it go (frames, checkpoints, history.csv, run.json), and nothing else;
-// - otherwise a run in it is a UserError.
-// Throws UserError, or FileError if the folder can't be made or written, on all ranks. Collective.
+// - with `force` the files of the run in it go (frames, checkpoints, history.csv, run.json), and nothing
+//   else;
+// - otherwise a run in it is a UserError. Throws UserError, or FileError if the folder can't be made or
+//   written, on all ranks. Collective.
 void prepare_output_folder(const Communicator& communicator, const OutputFolderRequest& request);
 
 }  // namespace mpm

@@ -10,8 +10,8 @@
 namespace mpm {
 
 // Datasets `position` (n x Dim) and, if there, `velocity` (n x Dim), `volume` (n) and `deformation_gradient`
-// (n x Dim x Dim), of any number type. Each rank gets an equal share of the rows. `where` is the place in the scene that
-// names the file, for messages. Throws FileError on all ranks. Collective.
+// (n x Dim x Dim), of any number type. Each rank gets an equal share of the rows. `where` is the place in the
+// scene that names the file, for messages. Throws FileError on all ranks. Collective.
 template <int Dim>
 PointCloud<Dim> read_point_cloud_hdf5(const Communicator& communicator, const std::filesystem::path& file,
                                       const std::string& where);

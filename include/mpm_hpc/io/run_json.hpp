@@ -26,7 +26,7 @@ struct RunReport {
   GlobalIndex particles = 0;
   GlobalIndex nodes = 0;  // active ones, over all ranks
   GlobalIndex steps = 0;
-  Real time = 0;          // simulated [s]
+  Real time = 0;  // simulated [s]
   Real wall_seconds = 0;
   Real particle_steps_per_second_per_core = 0;
   Real bytes_per_particle = 0;               // every array at its peak, over all ranks
@@ -34,7 +34,7 @@ struct RunReport {
   std::vector<std::pair<std::string, StageTime>> stages;
   Real messages_per_step = 0, bytes_per_step = 0;  // over all ranks
   GlobalIndex rebalances = 0;
-  Real imbalance = 1;                              // largest over mean weight of a rank
+  Real imbalance = 1;  // largest over mean weight of a rank
   std::map<std::string, GlobalIndex> solver_iterations;
   std::map<std::string, GlobalIndex> guards;
   ExitCode exit_code = ExitCode::done;
@@ -44,6 +44,7 @@ struct RunReport {
 std::string run_json_text(const RunReport& report);
 
 // The report of rank 0. Throws FileError on all ranks. Collective.
-void write_run_json(const Communicator& communicator, const std::filesystem::path& file, const RunReport& report);
+void write_run_json(const Communicator& communicator, const std::filesystem::path& file,
+                    const RunReport& report);
 
 }  // namespace mpm

@@ -12,7 +12,8 @@ namespace mpm {
 void replace_text_file(const std::filesystem::path& file, const std::string& text);
 
 // Rank 0 writes `text`. Throws FileError on all ranks. Collective.
-void write_text_file(const Communicator& communicator, const std::filesystem::path& file, const std::string& text);
+void write_text_file(const Communicator& communicator, const std::filesystem::path& file,
+                     const std::string& text);
 
 // The whole file. Throws FileError; not collective.
 std::string read_text_file(const std::filesystem::path& file);

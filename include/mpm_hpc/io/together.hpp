@@ -8,8 +8,8 @@
 
 namespace mpm {
 
-// Rethrows the fault of the lowest rank that has one, with its kind and text, on every rank; faults that are no Error
-// arrive as LogicError. Does nothing if no rank has one. Collective.
+// Rethrows the fault of the lowest rank that has one, with its kind and text, on every rank; faults that are
+// no Error arrive as LogicError. Does nothing if no rank has one. Collective.
 void agree_on_fault(const Communicator& communicator, const std::exception_ptr& fault);
 
 // Runs `action`, which must not communicate, on every rank, and then agrees on its fault. Collective.

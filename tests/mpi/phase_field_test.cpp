@@ -1,0 +1,278 @@
+// The distributed phase-field system against a dense solve of all particles in one place, its two operators against each
+// other, and the bounds of c while a bar breaks. What equals the dense solve on any number of ranks is the same on all.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cstdio>
+#include <cstring>
+#include <random>
+
+#include "mpm_hpc/time/explicit_integrator.hpp"
+#include "mpm_hpc/transfer/reference_transfer.hpp"
+#include "support/mpi_test.hpp"
+#include "support/scene_world.hpp"
+
+using namespace mpm;
+
+namespace {
+
+constexpr Real modulus = 1000, toughness = 30, residual = 0.02;
+
+template <int Dim>
+std::string list(Real x, Real y, Real z) {
+  return Dim == 2 ? fmt::format("[{}, {}]", x, y) : fmt::format("[{}, {}, {}]", x, y, z);
+}
+
+// A box of jittered particles with h = 0.5, and an initial crack in its middle.
+template <int Dim>
+std::string scene_text(const std::string& phase_field) {
+  const std::string lower = list<Dim>(0, 0, 0),
+                    upper = Dim == 2 ? list<Dim>(7, 4.5, 0) : list<Dim>(4.5, 2.5, 2);
+  return fmt::format(
+      "dimension = {0}\n[domain]\nlower = {1}\nupper = {2}\n[grid]\nspacing = 0.5\n[time]\nend = 1\n"
+      "[material.brittle]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = {3}\npoisson_ratio = 0\ndensity = "
+      "1000\n"
+      "fracture_toughness = {4}\n"
+      "[[body]]\nmaterial = \"brittle\"\nshape = {{type = \"box\", lower = {1}, upper = {2}}}\njitter = 0.3\n"
+      "particles_per_cell = {5}\n"
+      "[effect.phase_field]\nlength_scale = 0.6\nresidual = {6}\ntolerance = 1e-13\ncorrected_toughness = "
+      "false\n{7}\n"
+      "[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = {8}, upper = {9}}}\n",
+      Dim, lower, upper, modulus, toughness, Dim == 2 ? 4 : 8, residual, phase_field, list<Dim>(2, 0.7, 0),
+      list<Dim>(2.3, 2.1, 1.2));
+}
+
+template <int Dim>
+Mat<Dim> random_deformation(GlobalIndex id) {
+  std::mt19937 random(static_cast<unsigned>(id));
+  std::uniform_real_distribution<Real> both(-0.15, 0.15);
+  return Mat<Dim>::Identity() + Mat<Dim>::NullaryExpr([&] { return both(random); });
+}
+
+template <int Dim>
+void deform(test::SceneWorld<Dim>& world) {
+  world.for_particles([](Body<Dim>& body, Index p) {
+    const Mat<Dim> F = random_deformation<Dim>(body.particles.template data<GlobalIndex>(core::id)[p]);
+    for (int c = 0; c < Dim * Dim; ++c)
+      body.particles.template data<Real>(core::deformation_gradient, c)[p] = F(c / Dim, c % Dim);
+  });
+}
+
+// What all ranks know of every particle, by identity.
+template <int Dim>
+struct Known {
+  Real x[Dim], volume, phase, history;
+};
+
+template <int Dim>
+std::map<GlobalIndex, Known<Dim>> gather_all(test::SceneWorld<Dim>& world) {
+  struct Record {
+    GlobalIndex id;
+    Known<Dim> known;
+  };
+  std::vector<char> bytes;
+  world.for_particles([&](Body<Dim>& body, Index p) {
+    const FieldSet& f = body.particles;
+    Record r{f.template data<GlobalIndex>(core::id)[p], {}};
+    for (int a = 0; a < Dim; ++a) r.known.x[a] = f.template data<Real>(core::position, a)[p];
+    r.known.volume = f.template data<Real>(core::volume)[p];
+    r.known.phase = f.template data<Real>(f.find("phase"))[p];
+    if (const FieldId h = f.find("phase_history"); h != no_field)
+      r.known.history = f.template data<Real>(h)[p];
+    const char* raw = reinterpret_cast<const char*>(&r);
+    bytes.insert(bytes.end(), raw, raw + sizeof(r));
+  });
+  std::vector<char> all;
+  for (const auto& part : world.state.communicator().gather(bytes))
+    all.insert(all.end(), part.begin(), part.end());
+  world.state.communicator().broadcast(all);
+  std::map<GlobalIndex, Known<Dim>> result;
+  for (std::size_t at = 0; at < all.size(); at += sizeof(Record)) {
+    Record r;
+    std::memcpy(&r, &all[at], sizeof(r));
+    EXPECT_TRUE(result.emplace(r.id, r.known).second) << "particle " << r.id << " is there twice";
+  }
+  return result;
+}
+
+struct Setting {
+  bool lumped;
+  Real mobility_dt;  // 0: infinite
+};
+
+// One step of physics.md section 5 from dense matrices, divided by M_c; returns the particles' new c.
+template <int Dim>
+std::map<GlobalIndex, Real> dense_step(const GridGeometry<Dim>& geometry,
+                                       const std::map<GlobalIndex, Known<Dim>>& all, const Setting& setting) {
+  const Real length = 0.6, m = setting.mobility_dt > 0 ? 1 / setting.mobility_dt : 0;
+  const ReferenceGrid<Dim> grid(geometry);
+  std::map<std::size_t, int> rows;
+  struct Term {
+    int row;
+    Real w;
+    Vec<Dim> g;
+  };
+  std::map<GlobalIndex, std::vector<Term>> stencils;
+  for (const auto& [id, p] : all)
+    for_each_node<QuadraticKernel>(
+        geometry, Vec<Dim>(Eigen::Map<const Vec<Dim>>(p.x)),
+        [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance) {
+          const int row = rows.emplace(grid.index(node), static_cast<int>(rows.size())).first->second;
+          stencils[id].push_back({row, w, 4 / (0.5 * 0.5) * w * distance});
+        });
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows.size(), rows.size());
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(rows.size()), weight = b, weighted = b;
+  for (const auto& [id, p] : all) {
+    const Mat<Dim> F = random_deformation<Dim>(id);
+    const Real J = F.determinant(), kappa = modulus / Dim, mu = modulus / 2, V = J * p.volume;
+    Real energy = mu / 2 * (std::pow(J, -2.0 / Dim) * F.squaredNorm() - Dim);
+    if (J >= 1) energy += kappa / 2 * ((J * J - 1) / 2 - std::log(J));
+    const Real drive = 4 * length * (1 - residual) * std::max(energy, p.history) / toughness;
+    for (const Term& i : stencils[id]) {
+      A(i.row, i.row) += V * i.w * (1 + m + (setting.lumped ? drive : 0));
+      b[i.row] += V * i.w * (1 + m * p.phase);
+      weight[i.row] += i.w;
+      weighted[i.row] += i.w * p.phase;
+      for (const Term& j : stencils[id])
+        A(i.row, j.row) +=
+            V * (4 * length * length * i.g.dot(j.g) + (setting.lumped ? 0 : drive * i.w * j.w));
+    }
+  }
+  Eigen::VectorXd result = A.ldlt().solve(b);
+  if (setting.mobility_dt > 0) result -= weighted.cwiseQuotient(weight);
+  std::map<GlobalIndex, Real> phase;
+  for (const auto& [id, p] : all) {
+    Real value = setting.mobility_dt > 0 ? p.phase : 0;
+    for (const Term& i : stencils[id]) value += i.w * result[i.row];
+    phase[id] = std::max(0.0, std::min(p.phase, value));
+  }
+  return phase;
+}
+
+template <class D>
+class PhaseField : public testing::Test {};
+using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
+TYPED_TEST_SUITE(PhaseField, Dimensions);
+
+TYPED_TEST(PhaseField, BothOperatorsEqualADenseSolve) {
+  constexpr int Dim = TypeParam::value;
+  for (const Setting& setting :
+       {Setting{false, 0}, Setting{true, 0}, Setting{false, 0.3}, Setting{true, 0.02}}) {
+    std::map<GlobalIndex, Real> phases[2];
+    for (const int form : {0, 1}) {
+      const std::string text =
+          fmt::format("operator = \"{}\"\nreaction = \"{}\"\n", form ? "matrix_free" : "assembled",
+                      setting.lumped ? "lumped" : "consistent") +
+          (setting.mobility_dt > 0 ? fmt::format("mobility = {}\n", setting.mobility_dt) : "");
+      test::SceneWorld<Dim> world(scene_text<Dim>(text));
+      deform(world);
+      world.state.dt = 1;
+      Real worst = 0;
+      for (int step = 0; step < 2; ++step) {
+        const auto before = gather_all(world);
+        world.run_effects();
+        const auto after = gather_all(world);
+        const auto expected = dense_step(world.state.geometry(), before, setting);
+        ASSERT_EQ(after.size(), expected.size());
+        int changed = 0;
+        for (const auto& [id, p] : after) {
+          worst = std::max(worst, std::abs(p.phase - expected.at(id)));
+          changed += p.phase != before.at(id).phase;
+          phases[form][id] = p.phase;
+        }
+        if (step == 0) {
+          EXPECT_GT(changed, static_cast<int>(after.size() / 2));
+        }
+      }
+      if (test::rank() == 0)
+        std::printf("%dD, %s, %s, M_c dt %g: c differs from the dense solve by %.1e, expected below 1e-10\n",
+                    Dim, form ? "matrix-free" : "assembled", setting.lumped ? "lumped" : "consistent",
+                    setting.mobility_dt, worst);
+      EXPECT_LT(worst, 1e-10);
+    }
+    Real difference = 0;
+    for (const auto& [id, c] : phases[0]) difference = std::max(difference, std::abs(c - phases[1].at(id)));
+    if (test::rank() == 0)
+      std::printf("  assembled and matrix-free differ by %.1e, expected below 1e-10\n", difference);
+    EXPECT_LT(difference, 1e-10);
+  }
+}
+
+// The particles are spread anew between two solves, and many of them change their rank.
+TYPED_TEST(PhaseField, SurvivesMigration) {
+  constexpr int Dim = TypeParam::value;
+  test::SceneWorld<Dim> world(scene_text<Dim>("mobility = 0.5\noperator = \"assembled\"\n"));
+  deform(world);
+  world.state.dt = 1;
+  world.run_effects();
+  const Real middle = Dim == 2 ? 7 : 4.5;
+  world.for_particles([&](Body<Dim>& body, Index p) {  // mirrored in x
+    Real& x = body.particles.template data<Real>(core::position, 0)[p];
+    x = middle - x;
+  });
+  sort_particles(world.state, OrderWithinCell::canonical);
+  const auto before = gather_all(world);
+  world.run_effects();
+  const auto after = gather_all(world);
+  const auto expected = dense_step(world.state.geometry(), before, {false, 0.5});
+  Real worst = 0;
+  for (const auto& [id, p] : after) worst = std::max(worst, std::abs(p.phase - expected.at(id)));
+  EXPECT_LT(worst, 1e-10);
+  if (test::size() > 1) {
+    EXPECT_GT(world.state.communicator().sum(world.state.distribution.migrated()), 0);
+  }
+}
+
+// Two grips tear a notched bar apart, in its middle.
+TEST(PhaseFieldRun, NeverHealsAndStaysInBounds) {
+  for (const char* evolution :
+       {"", "mobility = 200\n", "history = \"maximum\"\n", "reaction = \"lumped\"\n"}) {
+    test::SceneWorld<2> world(fmt::format(
+        "dimension = 2\n[domain]\nlower = [-4, -2]\nupper = [16, 6]\n[grid]\nspacing = 0.5\n[time]\nend = 2\n"
+        "[material.brittle]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = 1e5\npoisson_ratio = "
+        "0.2\ndensity = 1000\n"
+        "fracture_toughness = 100\n"
+        "[[body]]\nmaterial = \"brittle\"\nshape = {{type = \"box\", lower = [0, 0], upper = [12, 3]}}\n"
+        "[effect.phase_field]\nlength_scale = 0.5\n{}"
+        "[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = [5.8, -1], upper = [6.2, 0.8]}}\n"
+        "[[effect.grip]]\nname = \"left\"\nshape = {{type = \"plane\", point = [1, 0], normal = [1, 0]}}\n"
+        "velocity = [-0.1, 0]\nramp = 0.3\n"
+        "[[effect.grip]]\nname = \"right\"\nshape = {{type = \"plane\", point = [11, 0], normal = [-1, 0]}}\n"
+        "velocity = [0.1, 0]\nramp = 0.3\n",
+        evolution));
+    ExplicitIntegrator<2> integrator(world.state, std::move(world.hooks), {});
+    integrator.initialise(world.state);
+    auto before = gather_all(world);
+    std::size_t broken_at_start = 0, broken = 0, broken_off = 0;
+    for (const auto& [id, p] : before) broken_at_start += p.phase < 0.1;
+    GlobalIndex healed = 0, outside = 0;
+    while (world.state.time < 1.6) {
+      world.state.dt = integrator.stable_step(world.state);
+      integrator.step(world.state);
+      auto after = gather_all(world);
+      broken = broken_off = 0;
+      for (const auto& [id, p] : after) {
+        healed += p.phase > before.at(id).phase;
+        outside += !(p.phase >= 0 && p.phase <= 1);
+        broken += p.phase < 0.1;
+        broken_off += p.phase < 0.1 && std::abs(p.x[0] - 6) > 2;
+      }
+      before = std::move(after);
+    }
+    if (test::rank() == 0)
+      std::printf(
+          "torn bar (%s): %zu of %zu particles broken at the start, %zu after %lld steps; healed %lld, "
+          "outside of "
+          "[0, 1] %lld, expected 0 and 0\n",
+          *evolution ? std::string(evolution, std::strlen(evolution) - 1).c_str() : "defaults",
+          broken_at_start, before.size(), broken, static_cast<long long>(world.state.step),
+          static_cast<long long>(healed), static_cast<long long>(outside));
+    EXPECT_EQ(healed, 0);
+    EXPECT_EQ(outside, 0);
+    EXPECT_GT(broken, 2 * broken_at_start);
+    EXPECT_EQ(broken_off, 0u) << "far from the notch";
+  }
+}
+
+}  // namespace
