@@ -124,7 +124,7 @@ void read_bodies(Parameters& p, Scene<Dim>& scene) {
     } else {
       q.vector<3>("angular_velocity", body.angular_velocity, {.unit = "rad/s", .doc = "Spin at the start."});
     }
-    q.optional_vector<Dim>("centre", body.centre, {.unit = "m", .doc = "Point about which it spins; default: the middle of its bounds."});
+    q.optional_vector<Dim>("center", body.center, {.unit = "m", .doc = "Point about which it spins; default: the middle of its bounds."});
     if (q.describing()) return;
     if (shaped == clouded)
       q.error_at("shape", fmt::format("body \"{}\" needs either a shape or a point_cloud", body.name));

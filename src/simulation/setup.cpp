@@ -64,7 +64,7 @@ PointCloud<Dim> share_of(const Communicator& communicator, BodyDefinition<Dim>& 
 // The middle of a body: of its shape's bounds, or of its particles'.
 template <int Dim>
 Vec<Dim> middle(const Communicator& communicator, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud) {
-  if (definition.centre) return *definition.centre;
+  if (definition.center) return *definition.center;
   std::vector<Real> upper(2 * Dim, -std::numeric_limits<Real>::infinity());
   for (const Vec<Dim>& x : cloud.positions)
     for (int a = 0; a < Dim; ++a) {

@@ -146,19 +146,19 @@ std::string scene_text(Real speed, const std::string& rest = "") {
   auto list = [](Real x, Real y, Real z) {
     return Dim == 2 ? fmt::format("[{}, {}]", x, y) : fmt::format("[{}, {}, {}]", x, y, z);
   };
-  auto disc = [&](const char* name, Real x, Real y, Real radius, Real sign) {
+  auto disc = [&](const char* name, Real x, Real y, Real radius, Real direction) {
     return fmt::format(
-        "[[body]]\nname = \"{}\"\nmaterial = \"rubber\"\nshape = {{type = \"sphere\", center = {}, radius = "
-        "{}}}\n"
+        "[[body]]\nname = \"{}\"\nmaterial = \"rubber\"\n"
+        "shape = {{type = \"sphere\", center = {}, radius = {}}}\n"
         "velocity = {}\nangular_velocity = {}\n",
-        name, list(x, y, 1), radius, list(sign * speed, 0, 0),
+        name, list(x, y, 1), radius, list(direction * speed, 0, 0),
         Dim == 2 ? fmt::format("{}", speed) : fmt::format("[0, 0, {}]", speed));
   };
   return fmt::format("dimension = {}\n", Dim) + rest + "[domain]\nlower = " + list(0, 0, 0) +
          "\nupper = " + list(6, 3, 2) +
          "\n[grid]\nspacing = 0.1\n[time]\nend = 1.5\n"
-         "[material.rubber]\nmodel = \"neo_hookean\"\nyoungs_modulus = 1e4\npoisson_ratio = 0.3\ndensity = "
-         "1000\n" +
+         "[material.rubber]\nmodel = \"neo_hookean\"\nyoungs_modulus = 1e4\npoisson_ratio = 0.3\n"
+         "density = 1000\n" +
          disc("left", 1, 0.8, 0.6, 1) + disc("right", 5, 2.2, 0.45, -1);
 }
 

@@ -345,8 +345,9 @@ TEST(IoFrames, DerivedFieldThatThrows) {
     const auto fill = [&](std::size_t, Index, Index, Real*) {
       if (world.rank() == failing) throw NumericalFailure("no stress");
     };
-    const std::string text =
-        text_on_all_ranks<NumericalFailure>(world, [&] { writer.write(0, 0, bodies, {{"stress", 1, fill}}); });
+    const std::string text = text_on_all_ranks<NumericalFailure>(world, [&] {
+      writer.write(0, 0, bodies, {{"stress", 1, fill}});
+    });
     EXPECT_EQ(text, "no stress");
     EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   }

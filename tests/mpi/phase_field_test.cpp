@@ -10,6 +10,7 @@
 
 #include "mpm_hpc/time/explicit_integrator.hpp"
 #include "mpm_hpc/transfer/reference_transfer.hpp"
+#include "support/all_ranks.hpp"
 #include "support/mpi_test.hpp"
 #include "support/scene_world.hpp"
 
@@ -71,7 +72,7 @@ std::map<GlobalIndex, Known<Dim>> gather_all(test::SceneWorld<Dim>& world) {
     GlobalIndex id;
     Known<Dim> known;
   };
-  std::vector<char> bytes;
+  std::vector<Record> mine;
   world.for_particles([&](Body<Dim>& body, Index p) {
     const FieldSet& f = body.particles;
     Record r{f.template data<GlobalIndex>(core::id)[p], {}};
@@ -80,19 +81,11 @@ std::map<GlobalIndex, Known<Dim>> gather_all(test::SceneWorld<Dim>& world) {
     r.known.phase = f.template data<Real>(f.find("phase"))[p];
     if (const FieldId h = f.find("phase_history"); h != no_field)
       r.known.history = f.template data<Real>(h)[p];
-    const char* raw = reinterpret_cast<const char*>(&r);
-    bytes.insert(bytes.end(), raw, raw + sizeof(r));
+    mine.push_back(r);
   });
-  std::vector<char> all;
-  for (const auto& part : world.state.communicator().gather(bytes))
-    all.insert(all.end(), part.begin(), part.end());
-  world.state.communicator().broadcast(all);
   std::map<GlobalIndex, Known<Dim>> result;
-  for (std::size_t at = 0; at < all.size(); at += sizeof(Record)) {
-    Record r;
-    std::memcpy(&r, &all[at], sizeof(r));
+  for (const Record& r : test::gather_all(mine))
     EXPECT_TRUE(result.emplace(r.id, r.known).second) << "particle " << r.id << " is there twice";
-  }
   return result;
 }
 

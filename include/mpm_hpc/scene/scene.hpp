@@ -20,7 +20,7 @@ struct BodyDefinition {
   SeedingOptions<Dim> seeding;
   Vec<Dim> velocity = Vec<Dim>::Zero();   // at the start [m/s]
   Vec<3> angular_velocity = Vec<3>::Zero();  // [rad/s]; in 2D only the third component
-  std::optional<Vec<Dim>> centre;         // of the spin; default: the middle of the bounds
+  std::optional<Vec<Dim>> center;         // of the spin; default: the middle of the bounds
 };
 
 struct TimeOptions {

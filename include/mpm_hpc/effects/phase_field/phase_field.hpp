@@ -32,7 +32,7 @@ class PhaseField final : public Effect<Dim> {
   struct BodyPart {
     std::size_t body;
     PhaseLaw law;
-    FieldId phase, conductivity, reaction, history;  // history: lower bound of the driving energy, or no_field
+    FieldId phase, conductivity, reaction, gradient, history;  // history: lower bound of the driving energy, or no_field
   };
   template <class T>
   class Source;
@@ -43,6 +43,7 @@ class PhaseField final : public Effect<Dim> {
   void solve(State<Dim>& state);
   void update(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
   Real crack_energy(State<Dim>& state);
+  Real projected_crack_energy(State<Dim>& state);
 
   std::optional<Real> length_;  // l0 [m]; default h / 2
   std::optional<Real> mobility_;  // M_c [1/s]; none: rate-independent
