@@ -105,9 +105,9 @@ FrameWriter<Dim>::FrameWriter(const Communicator& communicator, std::filesystem:
 }
 
 template <int Dim>
-void FrameWriter<Dim>::check_fields(const std::vector<Body<Dim>>& bodies,
-                                    const std::vector<DerivedField>& derived) const {
-  frame_columns(bodies, derived, options_);
+void FrameWriter<Dim>::check_fields(const FrameOptions& options, const std::vector<Body<Dim>>& bodies,
+                                    const std::vector<DerivedField>& derived) {
+  frame_columns(bodies, derived, options);
 }
 
 template <int Dim>

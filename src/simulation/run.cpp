@@ -70,6 +70,7 @@ void Run<Dim>::prepare() {
     create_particles(scene_, state_);
     integrator_->initialise(state_);
   }
+  FrameWriter<Dim>::check_fields(frame_options(), state_.bodies, derived_fields());
   particles_ = count_particles(state_);
   totals_.first_step = state_.step;
   const Real stable = integrator_->stable_step(state_);
@@ -141,28 +142,33 @@ void Run<Dim>::measure_memory() {
 }
 
 template <int Dim>
+std::vector<DerivedField> Run<Dim>::derived_fields() const {
+  return {{"jacobian", 1,
+           [this](std::size_t b, Index begin, Index end, Real* values) {
+             std::vector<Real> unused(end - begin);
+             frame_quantities(state_, b, begin, end, values, unused.data());
+           }},
+          {"von_mises", 1, [this](std::size_t b, Index begin, Index end, Real* values) {
+             std::vector<Real> unused(end - begin);
+             frame_quantities(state_, b, begin, end, unused.data(), values);
+           }}};
+}
+
+template <int Dim>
+FrameOptions Run<Dim>::frame_options() const {
+  FrameOptions options;
+  options.fields = scene_.output.fields;
+  options.where = scene_.output.fields_where;
+  options.precision = scene_.output.precision == "double" ? Precision::double_precision : Precision::single_precision;
+  options.deflate = scene_.output.compression;
+  return options;
+}
+
+template <int Dim>
 void Run<Dim>::write_frame() {
   auto s = state_.timers.scope("output");
-  const std::vector<DerivedField> derived = {
-      {"jacobian", 1,
-       [this](std::size_t b, Index begin, Index end, Real* values) {
-         std::vector<Real> unused(end - begin);
-         frame_quantities(state_, b, begin, end, values, unused.data());
-       }},
-      {"von_mises", 1, [this](std::size_t b, Index begin, Index end, Real* values) {
-         std::vector<Real> unused(end - begin);
-         frame_quantities(state_, b, begin, end, unused.data(), values);
-       }}};
-  if (!frames_) {
-    FrameOptions options;
-    options.fields = scene_.output.fields;
-    options.where = scene_.output.fields_where;
-    options.precision = scene_.output.precision == "double" ? Precision::double_precision : Precision::single_precision;
-    options.deflate = scene_.output.compression;
-    frames_ = std::make_unique<FrameWriter<Dim>>(communicator_, folder_, options);
-    frames_->check_fields(state_.bodies, derived);
-  }
-  frames_->write(state_.step, state_.time, state_.bodies, derived);
+  if (!frames_) frames_ = std::make_unique<FrameWriter<Dim>>(communicator_, folder_, frame_options());
+  frames_->write(state_.step, state_.time, state_.bodies, derived_fields());
   written_frame_ = state_.time;
 }
 

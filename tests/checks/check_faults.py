@@ -134,6 +134,8 @@ def scene_cases():
         scene_case("missing mesh", ["solid.stl", "check the path"], (sphere, mesh), scene=BALL),
         scene_case("mesh with a hole", ["solid.stl", "not watertight: 3 open edges", "close the holes"],
                    (sphere, mesh), scene=BALL, prepare=write_mesh([(0, 2, 1), (0, 1, 3), (0, 3, 2)])),
+        scene_case("unknown field of the frames", ['"velcity"', 'did you mean "velocity"'],
+                   ("[output]", '[output]\nfields = ["velcity"]'), at="fields ="),
         scene_case("TOML syntax", ["TOML"], ("spacing = 0.05", "spacing = = 0.05")),
         scene_case("fixed step too large", [r"time\.dt = 0\.5 s", "unstable", "lower it"],
                    ("end = 0.5", "end = 0.5\ndt = 0.5"), at="dt = 0.5"),

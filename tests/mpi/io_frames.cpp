@@ -205,10 +205,10 @@ TEST(IoFrames, ChosenFieldsInDoublePrecision) {
 
 TEST(IoFrames, UnknownField) {
   const Communicator world = Communicator::world();
-  SharedTemporaryFolder folder;
   const auto bodies = bodies_without_particles<3>(Precision::single_precision);
-  const FrameWriter<3> writer(world, folder.path(), {.fields = {"veloctiy"}, .where = "scene.toml:7:1"});
-  const std::string text = text_on_all_ranks<UserError>(world, [&] { writer.check_fields(bodies, {}); });
+  const FrameOptions options{.fields = {"veloctiy"}, .where = "scene.toml:7:1"};
+  const std::string text =
+      text_on_all_ranks<UserError>(world, [&] { FrameWriter<3>::check_fields(options, bodies, {}); });
   EXPECT_TRUE(text.starts_with(
       "scene.toml:7:1: there is no field \"veloctiy\" to write (did you mean \"velocity\"?)"))
       << text;

@@ -40,7 +40,8 @@ class FrameWriter {
   FrameWriter(const Communicator& communicator, std::filesystem::path folder, FrameOptions options);
 
   // Throws UserError when options.fields names something that isn't there.
-  void check_fields(const std::vector<Body<Dim>>& bodies, const std::vector<DerivedField>& derived) const;
+  static void check_fields(const FrameOptions& options, const std::vector<Body<Dim>>& bodies,
+                           const std::vector<DerivedField>& derived);
 
   // Throws FileError on all ranks; the index and the other frames stay as they are then. Collective.
   void write(GlobalIndex step, Real time, const std::vector<Body<Dim>>& bodies,

@@ -44,6 +44,8 @@ class Run {
   Real choose_step();
   void loop();
   void happen(bool last);
+  std::vector<DerivedField> derived_fields() const;
+  FrameOptions frame_options() const;
   void write_frame();
   void write_history();
   CheckpointState checkpoint_state();
