@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <map>
 #include <numeric>
 
+#include "bytes.hpp"
 #include "mpm_hpc/base/error.hpp"
 
 namespace mpm {
@@ -51,20 +51,6 @@ void for_face_neighbours(GlobalIndex index, const IntVec<Dim>& counts, F&& f) {
 Real max_over_mean(const std::vector<Real>& load) {
   const Real total = std::accumulate(load.begin(), load.end(), 0.0);
   return total > 0 ? *std::max_element(load.begin(), load.end()) * static_cast<Real>(load.size()) / total : 1.0;
-}
-
-template <class T>
-Communicator::Bytes to_bytes(const std::vector<T>& values) {
-  Communicator::Bytes bytes(values.size() * sizeof(T));
-  std::memcpy(bytes.data(), values.data(), bytes.size());
-  return bytes;
-}
-
-template <class T>
-std::vector<T> from_bytes(const Communicator::Bytes& bytes) {
-  std::vector<T> values(bytes.size() / sizeof(T));
-  std::memcpy(static_cast<void*>(values.data()), bytes.data(), bytes.size());
-  return values;
 }
 
 }  // namespace

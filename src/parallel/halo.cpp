@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 #include <map>
 
+#include "bytes.hpp"
 #include "mpm_hpc/parallel/mpi_handle.hpp"
 
 namespace mpm {
@@ -52,24 +52,12 @@ NodeMask reachable_nodes(int number, int kernel_support) {
 
 namespace {
 
-Communicator::Bytes to_bytes(const std::vector<BlockRequest>& list) {
-  Communicator::Bytes bytes(list.size() * sizeof(BlockRequest));
-  std::memcpy(bytes.data(), list.data(), bytes.size());
-  return bytes;
-}
-
-std::vector<BlockRequest> from_bytes(const Communicator::Bytes& bytes) {
-  std::vector<BlockRequest> list(bytes.size() / sizeof(BlockRequest));
-  std::memcpy(static_cast<void*>(list.data()), bytes.data(), bytes.size());
-  return list;
-}
-
 std::map<int, std::vector<BlockRequest>> exchange_requests(const Communicator& communicator,
                                                   const std::map<int, std::vector<BlockRequest>>& lists) {
   std::map<int, Communicator::Bytes> outgoing;
   for (const auto& [rank, list] : lists) outgoing[rank] = to_bytes(list);
   std::map<int, std::vector<BlockRequest>> incoming;
-  for (const auto& [source, bytes] : communicator.exchange(outgoing)) incoming[source] = from_bytes(bytes);
+  for (const auto& [source, bytes] : communicator.exchange(outgoing)) incoming[source] = from_bytes<BlockRequest>(bytes);
   return incoming;
 }
 

@@ -126,9 +126,27 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
   return row;
 }
 
+namespace {
+
+template <int Dim, class T>
+Real jacobian(const DeformationColumns<Dim, T>& columns, Index p) {
+  Tensor<Real, Dim> F;
+  for (int c = 0; c < Dim * Dim; ++c) F.m[c] = columns.F[c][p];
+  return determinant(F);
+}
+
+}  // namespace
+
 template <int Dim>
-void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* jacobian,
-                      Real* von_mises) {
+void frame_jacobian(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out) {
+  with_precision(state.precision, [&](auto zero) {
+    const DeformationColumns<Dim, decltype(zero)> columns(state.bodies[body].particles);
+    for (Index p = begin; p < end; ++p) out[p - begin] = jacobian(columns, p);
+  });
+}
+
+template <int Dim>
+void frame_von_mises(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out) {
   constexpr int components = SymTensor<Real, Dim>::size;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
@@ -141,9 +159,6 @@ void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, In
       const Index stop = std::min<Index>(start + chunk_particles, end);
       source.kirchhoff_stress(start, stop, tau);
       for (Index p = start; p < stop; ++p) {
-        Tensor<Real, Dim> F;
-        for (int c = 0; c < Dim * Dim; ++c) F.m[c] = columns.F[c][p];
-        const Real J = determinant(F);
         Real pressure = 0, squares = 0;
         for (int a = 0; a < Dim; ++a) pressure += storage[SymTensor<Real, Dim>::index(a, a)][p - start] / Dim;
         for (int a = 0; a < Dim; ++a)
@@ -151,8 +166,7 @@ void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, In
             const Real s = storage[SymTensor<Real, Dim>::index(a, b)][p - start] - (a == b ? pressure : 0);
             squares += s * s;
           }
-        jacobian[p - begin] = J;
-        von_mises[p - begin] = std::sqrt(1.5 * squares) / J;
+        out[p - begin] = std::sqrt(1.5 * squares) / jacobian(columns, p);
       }
     }
   });
@@ -161,7 +175,8 @@ void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, In
 #define MPM_INSTANTIATE(Dim)                                                                                        \
   template GlobalIndex count_particles<Dim>(const State<Dim>&);                                                     \
   template std::vector<HistoryValue> history_row<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
-  template void frame_quantities<Dim>(const State<Dim>&, std::size_t, Index, Index, Real*, Real*);
+  template void frame_jacobian<Dim>(const State<Dim>&, std::size_t, Index, Index, Real*);                           \
+  template void frame_von_mises<Dim>(const State<Dim>&, std::size_t, Index, Index, Real*);
 MPM_INSTANTIATE(2)
 MPM_INSTANTIATE(3)
 #undef MPM_INSTANTIATE

@@ -39,7 +39,7 @@ Progress::~Progress() {
   if (open_line_) std::printf("\n");
 }
 
-void Progress::report(std::int64_t step, Real time, Real dt, const char* bound_by, const std::string& extra) {
+void Progress::report(std::int64_t step, Real time, Real dt, const char* bound_by) {
   if (!speaks_) return;
   const Clock::time_point now = Clock::now();
   const Real interval = terminal_ ? 0.2 : 10;
@@ -47,8 +47,8 @@ void Progress::report(std::int64_t step, Real time, Real dt, const char* bound_b
   last_ = now;
   const Real share = (time - start_) / (end_ - start_), spent = std::chrono::duration<Real>(now - began_).count();
   const std::string eta = share > 0 ? short_duration(spent * (1 - share) / share) : "?";
-  const std::string line = fmt::format("{:5.1f} %  step {}  t = {:.4e} s  dt = {:.2e} s ({}){}  left {}", 100 * share,
-                                       step, time, dt, bound_by, extra, eta);
+  const std::string line = fmt::format("{:5.1f} %  step {}  t = {:.4e} s  dt = {:.2e} s ({})  left {}", 100 * share,
+                                       step, time, dt, bound_by, eta);
   if (terminal_) {
     std::printf("\r\033[K%s", line.c_str());
     open_line_ = true;

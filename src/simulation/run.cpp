@@ -145,12 +145,10 @@ template <int Dim>
 std::vector<DerivedField> Run<Dim>::derived_fields() const {
   return {{"jacobian", 1,
            [this](std::size_t b, Index begin, Index end, Real* values) {
-             std::vector<Real> unused(end - begin);
-             frame_quantities(state_, b, begin, end, values, unused.data());
+             frame_jacobian(state_, b, begin, end, values);
            }},
           {"von_mises", 1, [this](std::size_t b, Index begin, Index end, Real* values) {
-             std::vector<Real> unused(end - begin);
-             frame_quantities(state_, b, begin, end, unused.data(), values);
+             frame_von_mises(state_, b, begin, end, values);
            }}};
 }
 
@@ -228,6 +226,11 @@ void Run<Dim>::happen(bool last) {
   if (checkpoint_.due(time, dt)) checkpoint_.plan_after(time);
 }
 
+template <int Dim>
+Real Run<Dim>::next_event() const {
+  return std::min({end_, frame_.next, history_.next, checkpoint_.next});
+}
+
 // The stable step, shortened so that events and the end are hit exactly; a fixed step is taken as it is.
 template <int Dim>
 Real Run<Dim>::choose_step() {
@@ -238,9 +241,7 @@ Real Run<Dim>::choose_step() {
     return stable;
   }
   Real dt = std::min(stable, scene_.time.max_dt.value_or(std::numeric_limits<Real>::infinity()));
-  Real target = end_;
-  for (const Event* event : {&frame_, &history_, &checkpoint_}) target = std::min(target, event->next);
-  const Real left = target - state_.time;
+  const Real left = next_event() - state_.time;
   if (left <= dt) return left;
   return left < 2 * dt ? left / 2 : dt;  // two halves rather than a whole step and a tiny one
 }
@@ -260,8 +261,7 @@ void Run<Dim>::loop() {
                                       scene_.time.max_steps.value_or(std::numeric_limits<std::int64_t>::max()));
   bool finished = false;
   while (!finished) {
-    Real target = end_;
-    for (const Event* event : {&frame_, &history_, &checkpoint_}) target = std::min(target, event->next);
+    const Real target = next_event();
     state_.dt = choose_step();
     state_.stop_requested = stop_was_requested();
     const Clock::time_point step_began = Clock::now();
@@ -274,7 +274,7 @@ void Run<Dim>::loop() {
     if (state_.step == totals_.first_step + 1) refuse_unused_options(true);
     happen(finished);
     totals_.loop_seconds = seconds_since(began);
-    progress_->report(state_.step, state_.time, state_.dt, integrator_->bound_by(), "");
+    progress_->report(state_.step, state_.time, state_.dt, integrator_->bound_by());
   }
 }
 

@@ -73,16 +73,7 @@ void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, 
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> place(grid, first_node, columns.x, p);
     inside = inside && place.inside();
-    alignas(64) T node[W], w[Dim][Kernel::support][W];
-    store(node, place.tile_node());
-    for (int a = 0; a < Dim; ++a)
-      for (int n = 0; n < Kernel::support; ++n) store(w[a][n], place.w[a][n]);
-    RowParticle<T>* rows = out + (p - begin);
-    for (int l = 0; l < W; ++l) {
-      for (int a = 0; a < Dim; ++a)
-        for (int n = 0; n < Kernel::support; ++n) rows[l].w[a][n] = w[a][n][l];
-      rows[l].tile_node = static_cast<int>(node[l]);
-    }
+    place.write(out + (p - begin));
   }
   if (!inside) throw_drifted_out();
 }

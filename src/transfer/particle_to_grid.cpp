@@ -37,7 +37,7 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
     inside = inside && place.inside();
     const S m = load<S>(mass + p);
     const S moment = m * spacing, force = load<S>(volume + p) * stress_factor;
-    alignas(64) T q[4][W] = {}, slope[Dim][Dim][W], node[W], w[Dim][Kernel::support][W];
+    alignas(64) T q[4][W] = {}, slope[Dim][Dim][W];
     S momentum[Dim];
     for (int a = 0; a < Dim; ++a) momentum[a] = m * load<S>(v[a] + p);
     for (int a = 0; a < Dim; ++a)
@@ -49,19 +49,14 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
       }
     for (int a = 0; a < Dim; ++a) store(q[a], momentum[a]);
     store(q[Dim], m);
-    store(node, place.tile_node());
-    for (int a = 0; a < Dim; ++a)
-      for (int n = 0; n < Kernel::support; ++n) store(w[a][n], place.w[a][n]);
 
     RowParticle<T>* rows = out + (p - begin);
+    place.write(rows);
     for (int l = 0; l < W; ++l) {
       RowParticle<T>& r = rows[l];
       for (int c = 0; c <= Dim; ++c) r.q[c] = q[c][l];
       for (int b = 0; b < Dim; ++b)
         for (int a = 0; a < Dim; ++a) r.a[b][a] = slope[b][a][l];
-      for (int a = 0; a < Dim; ++a)
-        for (int n = 0; n < Kernel::support; ++n) r.w[a][n] = w[a][n][l];
-      r.tile_node = static_cast<int>(node[l]);
     }
   }
   if (!inside) throw_drifted_out();

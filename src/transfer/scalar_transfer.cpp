@@ -33,18 +33,8 @@ void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, con
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> lanes(geometry, first_node, x, p);
     inside = inside && lanes.inside();
-    alignas(64) T node[W], w[Dim][Kernel::support][W];
-    store(node, lanes.tile_node());
-    for (int a = 0; a < Dim; ++a) {
-      store(centre[a] + (p - begin), lanes.centre[a]);
-      for (int n = 0; n < Kernel::support; ++n) store(w[a][n], lanes.w[a][n]);
-    }
-    ScalarRow<T>* out = rows + (p - begin);
-    for (int l = 0; l < W; ++l) {
-      for (int a = 0; a < Dim; ++a)
-        for (int n = 0; n < Kernel::support; ++n) out[l].w[a][n] = w[a][n][l];
-      out[l].tile_node = static_cast<int>(node[l]);
-    }
+    for (int a = 0; a < Dim; ++a) store(centre[a] + (p - begin), lanes.centre[a]);
+    lanes.write(rows + (p - begin));
   }
   if (!inside) throw_drifted_out();
 }

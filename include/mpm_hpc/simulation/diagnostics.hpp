@@ -15,7 +15,10 @@ template <int Dim>
 GlobalIndex count_particles(const State<Dim>& state);
 
 // Fields of frames that are no columns: det F and the von Mises equivalent of the Cauchy stress [Pa].
+// The value of particle p goes to out[p - begin].
 template <int Dim>
-void frame_quantities(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* jacobian, Real* von_mises);
+void frame_jacobian(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out);
+template <int Dim>
+void frame_von_mises(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out);
 
 }  // namespace mpm

@@ -14,7 +14,7 @@ class Progress {
   // Only rank 0 speaks; `end` is the time at which the run ends [s].
   Progress(bool speaks, Real start, Real end);
   ~Progress();
-  void report(std::int64_t step, Real time, Real dt, const char* bound_by, const std::string& extra);
+  void report(std::int64_t step, Real time, Real dt, const char* bound_by);
   // A line of its own, above the progress line.
   void say(const std::string& line);
 

@@ -41,6 +41,7 @@ class Run {
 
   void refuse_unused_options(bool solvers_ran);
   void restart();
+  Real next_event() const;  // time of the next one, the end included [s]
   Real choose_step();
   void loop();
   void happen(bool last);

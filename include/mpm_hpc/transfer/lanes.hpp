@@ -49,6 +49,21 @@ struct LanePlace {
     return node;
   }
 
+  // Hands each lane's node and weights to its row; RowOfParticle has w[direction][node] and tile_node.
+  template <class RowOfParticle>
+  void write(RowOfParticle* rows) const {
+    constexpr int W = PackTraits<S>::width;
+    alignas(64) T node[W], weight[Dim][Kernel::support][W];
+    store(node, tile_node());
+    for (int a = 0; a < Dim; ++a)
+      for (int n = 0; n < Kernel::support; ++n) store(weight[a][n], w[a][n]);
+    for (int l = 0; l < W; ++l) {
+      for (int a = 0; a < Dim; ++a)
+        for (int n = 0; n < Kernel::support; ++n) rows[l].w[a][n] = weight[a][n][l];
+      rows[l].tile_node = static_cast<int>(node[l]);
+    }
+  }
+
   // False in the lanes' product if a stencil ends outside the tile.
   bool inside() const {
     constexpr T last = Tile<Kernel, Dim, T>::side - Kernel::support;
