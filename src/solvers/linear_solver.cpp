@@ -104,6 +104,14 @@ bool LinearSolver::knows_prefix(const std::string& option) {
                      [&option](const std::string& prefix) { return option.starts_with("-" + prefix); });
 }
 
+std::string LinearSolver::preconditioner_of_entries(const std::string& prefix) {
+  char type[64] = "";
+  PetscBool given = PETSC_FALSE;
+  petsc_check(PetscOptionsGetString(nullptr, prefix.c_str(), "-pc_type", type, sizeof(type), &given), "PetscOptionsGetString");
+  const std::string name = given ? type : "";
+  return name == PCJACOBI || name == PCNONE || name == PCSHELL ? "" : name;
+}
+
 LinearSolver::~LinearSolver() {
   MatDestroy(&impl_->matrix);
   VecDestroy(&impl_->rhs);

@@ -2,123 +2,354 @@
 
 #include <algorithm>
 
+#include "mpm_hpc/transfer/cell_order.hpp"
 #include "mpm_hpc/transfer/lanes.hpp"
 
 namespace mpm {
 
 namespace {
 
-// The entries of one particle are products over directions of w_n w_m or (w_n d_n)(w_m d_m), symmetric in n and m: the
-// particles of one cell share their nodes, so their 6^Dim products are summed first and spread to the nodes once.
+// Particles handled between two sorts by cell: those of a block, unless it is very full.
+constexpr int batch_particles = 2048;
+// Particles of a cell whose factors wait in L1 while the sums stay in registers.
+constexpr int group_particles = 8;
+
+template <class T>
+struct alignas(64) CellParticle {
+  T w[3][4];   // weights by direction
+  T q[4];      // the scattered values
+  T centre[3]; // as in LanePlace
+  T conductivity, reaction;
+  int tile_node;
+};
+
+// Lane n * support + o of a register belongs to the pair of nodes n and n + o of one direction. That is also their place
+// in a line of the tile, whose nodes have `support` offsets each: a cell's sums are added to a line at once.
+template <class Kernel, class T>
+struct PairLanes {
+  static constexpr int support = Kernel::support;
+  static_assert(support <= 3, "the unused lanes take the fourth weight, which must be 0");
+  static constexpr int pairs = support * (support + 1) / 2;
+  static constexpr int width = support == 3 ? 8 : 4;
+  using V __attribute__((vector_size(width * sizeof(T)))) = T;
+
+  static constexpr int first(int lane) { return is_pair(lane) ? lane / support : 3; }
+  static constexpr int second(int lane) { return is_pair(lane) ? lane / support + lane % support : 3; }
+  static constexpr bool is_pair(int lane) { return lane < support * support && lane / support + lane % support < support; }
+  // Lane, node and offset of pair k.
+  static constexpr int lane(int k) {
+    int found = 0;
+    for (int l = 0; l < width; ++l)
+      if (is_pair(l) && found++ == k) return l;
+    return -1;
+  }
+  static constexpr int node(int k) { return lane(k) / support; }
+  static constexpr int offset(int k) { return lane(k) % support; }
+
+  static V products(const Quad<T>& w) { return products(w, std::make_integer_sequence<int, width>()); }
+
+ private:
+  template <int... L>
+  static V products(const Quad<T>& w, std::integer_sequence<int, L...>) {
+    return __builtin_shufflevector(w, w, first(L)...) * __builtin_shufflevector(w, w, second(L)...);
+  }
+};
+
+// The stencil's tile: by plane of offsets and row of nodes a line along the last direction.
 template <class Kernel, int Dim, class T>
-class CellSums {
+class StencilTile {
  public:
-  static constexpr int pairs = Kernel::support * (Kernel::support + 1) / 2;
-  static constexpr int padded = 8;  // the last direction, for whole registers
-  static constexpr int lines = Dim == 2 ? pairs : pairs * pairs;
-  static_assert(pairs <= padded);
+  using Stencil = OperatorStencil<Kernel, Dim>;
+  static constexpr int side = Tile<Kernel, Dim, T>::side;
+  static constexpr int rows = Tile<Kernel, Dim, T>::rows;
+  static constexpr int line = (side * Kernel::support + 7) / 8 * 8;
 
-  // W[a][n m] = w_n w_m and K[a][n m] = (w_n d_n)(w_m d_m).
-  void add(const T (*W)[padded], const T (*K)[padded], T k, T reaction) {
-    for (int line = 0; line < lines; ++line) {
-      T squares, moments;
-      if constexpr (Dim == 2) {
-        squares = k * W[0][line];
-        moments = k * K[0][line] + reaction * W[0][line];
-      } else {
-        const int x = line / pairs, y = line % pairs;
-        squares = k * W[0][x] * W[1][y];
-        moments = k * (K[0][x] * W[1][y] + W[0][x] * K[1][y]) + reaction * W[0][x] * W[1][y];
-      }
-      for (int z = 0; z < padded; ++z) sums_[line][z] += moments * W[Dim - 1][z] + squares * K[Dim - 1][z];
+  StencilTile() : data_(static_cast<std::size_t>(rows) * Stencil::planes * line, T(0)) { forget(); }
+
+  // Entries of the first node of `row` (or behind it) with the offsets of `plane`.
+  T* at(int row, int plane, int node) { return data_.data() + (plane * rows + row) * line + node * Kernel::support; }
+
+  void include(const int* first_node) {
+    for (int a = 0; a < Dim; ++a) {
+      lower_[a] = std::min(lower_[a], first_node[a]);
+      upper_[a] = std::max(upper_[a], first_node[a] + Kernel::support);
     }
   }
 
-  // Adds the sums to the nodes of the cell whose first node is `first` in the tile of `slot`, and forgets them.
-  void flush(const BlockTopology<Dim>& topology, Slot slot, const IntVec<Dim>& first, T* stencil) {
-    using Stencil = HalfStencil<Kernel, Dim>;
-    const Slot* around = topology.neighbours(slot);
-    for (int i = 0; i < nodes; ++i) {
-      const IntVec<Dim> node_i = local(i);
-      int neighbour = 0, in_block = 0;
-      for (int a = 0; a < Dim; ++a) {
-        const int t = first[a] + node_i[a] - 1;
-        neighbour = 3 * neighbour + (t < 0 ? 0 : t < block_side ? 1 : 2);
-        in_block = block_side * in_block + (t & (block_side - 1));
-      }
-      T* entries = stencil + (static_cast<std::size_t>(around[neighbour]) * nodes_per_block<Dim> + in_block) * Stencil::size;
-      for (int j = i; j < nodes; ++j) {
-        const IntVec<Dim> node_j = local(j);
-        int line = 0;
-        for (int a = 0; a < Dim - 1; ++a) line = line * pairs + pair(node_i[a], node_j[a]);
-        entries[Stencil::number(node_j - node_i) - Stencil::centre] += sums_[line][pair(node_i[Dim - 1], node_j[Dim - 1])];
+  // Moves the sums to the grid.
+  void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* stencil, T* diagonal, std::vector<char>& touched) {
+    find_rows(topology, slot, touched);
+    for (int plane = 0; plane < Stencil::planes; ++plane) {
+      const int o[2] = {Dim == 2 ? plane : plane / Stencil::offsets, plane % Stencil::offsets};
+      T* out = stencil + plane * Stencil::offsets * Stencil::nodes;
+      for (int n = 0; n < used_rows_; ++n) {
+        const UsedRow& r = used_[n];
+        bool used = true;  // boxes end inside the nodes that have entries
+        for (int a = 0; a < Dim - 1; ++a) used = used && r.t[a] + o[a] < upper_[a];
+        if (!used) continue;
+        add_part<0>(r, plane, out, diagonal);
+        add_part<1>(r, plane, out, diagonal);
+        add_part<2>(r, plane, out, diagonal);
+        std::fill(at(r.row, plane, 0), at(r.row, plane, 0) + line, T(0));
       }
     }
-    std::fill(&sums_[0][0], &sums_[0][0] + lines * padded, T(0));
-  }
-
-  static int pair(int n, int m) {
-    if (n > m) std::swap(n, m);
-    return n * Kernel::support - n * (n - 1) / 2 + (m - n);
+    forget();
   }
 
  private:
-  static constexpr int nodes = Dim == 2 ? Kernel::support * Kernel::support
-                                        : Kernel::support * Kernel::support * Kernel::support;
-  static IntVec<Dim> local(int n) {
-    IntVec<Dim> node;
-    for (int a = Dim - 1; a >= 0; --a, n /= Kernel::support) node[a] = n % Kernel::support;
-    return node;
+  // A row of nodes that has entries: its place, and for its parts before the block, in it and behind it the nodes' first
+  // number in the grid, or none.
+  struct UsedRow {
+    int row, t[2];
+    std::ptrdiff_t block[3], node;
+  };
+  void find_rows(const BlockTopology<Dim>& topology, Slot slot, std::vector<char>& touched) {
+    const Slot* around = topology.neighbours(slot);
+    used_rows_ = 0;
+    for (int row = 0; row < rows; ++row) {
+      UsedRow r{row, {Dim == 2 ? row : row / side, row % side}, {}, 0};
+      int neighbour = 0;
+      bool used = true;
+      for (int a = 0; a < Dim - 1; ++a) {
+        used = used && r.t[a] >= lower_[a] && r.t[a] < upper_[a];
+        neighbour = 3 * neighbour + (r.t[a] < 1 ? 0 : r.t[a] < 1 + block_side ? 1 : 2);
+        r.node = block_side * r.node + ((r.t[a] - 1) & (block_side - 1));
+      }
+      if (!used) continue;
+      r.node *= block_side;
+      for (int part = 0; part < 3; ++part) {
+        const bool has = first_of(part) < upper_[Dim - 1] && first_of(part + 1) > lower_[Dim - 1];
+        r.block[part] = has ? around[3 * neighbour + part] : no_slot;
+        if (has) touched[static_cast<std::size_t>(r.block[part])] = 1;
+      }
+      used_[used_rows_++] = r;
+    }
   }
-  alignas(64) T sums_[lines][padded] = {};
+  // First node of a row's part in the block before, in the block, and behind it.
+  static constexpr int first_of(int part) { return part == 0 ? 0 : part == 1 ? 1 : part == 2 ? 1 + block_side : side; }
+
+  template <int Part>
+  void add_part(const UsedRow& r, int plane, T* stencil, T* diagonal) {
+    if (r.block[Part] == no_slot) return;
+    T* out = stencil + r.block[Part] * Stencil::block_values + r.node;
+    add_line<Part>(at(r.row, plane, first_of(Part)), out, std::make_integer_sequence<int, Stencil::offsets>());
+    // The next plane's, which come from far.
+    for (int o = 0; o < Stencil::offsets; ++o) __builtin_prefetch(out + (Stencil::offsets + o) * Stencil::nodes, 1);
+    if (plane != 0) return;
+    T* d = diagonal + r.block[Part] * Stencil::nodes + r.node;
+    for (int n = first_of(Part); n < first_of(Part + 1); ++n) d[(n - 1) & (block_side - 1)] += *at(r.row, 0, n);
+  }
+  // For each offset o, the line's entries for the block's four nodes; those outside of the part are 0.
+  template <int Part, int... O>
+  static void add_line(const T* in, T* out, std::integer_sequence<int, O...>) {
+    using V = typename PairLanes<Kernel, T>::V;
+    V a, b;
+    std::memcpy(&a, in, sizeof(a));
+    if constexpr (Part == 1) {
+      std::memcpy(&b, in + PairLanes<Kernel, T>::width, sizeof(b));
+    } else {
+      b = V{};
+    }
+    auto add = [](T* to, const Quad<T>& what) {
+      const Quad<T> sum = load_quad(to) + what;
+      std::memcpy(to, &sum, sizeof(sum));
+    };
+    // Behind the block are at most three nodes; the last one has no entry beyond the first register.
+    constexpr int N = Stencil::offsets, none = PairLanes<Kernel, T>::width;
+    if constexpr (Part == 0) {
+      (add(out + O * Stencil::nodes, __builtin_shufflevector(a, b, none, none, none, O)), ...);
+    } else if constexpr (Part == 1) {
+      (add(out + O * Stencil::nodes, __builtin_shufflevector(a, b, O, N + O, 2 * N + O, 3 * N + O)), ...);
+    } else {
+      (add(out + O * Stencil::nodes, __builtin_shufflevector(a, b, O, N + O, 2 * N + O < none ? 2 * N + O : none, none)), ...);
+    }
+  }
+  void forget() {
+    std::fill(lower_, lower_ + Dim, side);
+    std::fill(upper_, upper_ + Dim, 0);
+  }
+  std::vector<T> data_;
+  UsedRow used_[rows];
+  int used_rows_ = 0;
+  int lower_[Dim], upper_[Dim];  // of the nodes that have entries
+};
+
+// Sums of the particles of one cell. A particle's entries are the outer product of factors over the pairs of nodes in the
+// last direction with factors over those in the others: with W = w_n w_m and K = (w_n d_n)(w_m d_m) by direction, d_n the
+// distance to node n in spacings,
+//   A = W_x W_y (a W_z + k K_z) + (K_x W_y + W_x K_y) k W_z,  in 2D without y.
+template <class Kernel, int Dim, class T>
+class CellSums {
+ public:
+  using Pairs = PairLanes<Kernel, T>;
+  using V = typename Pairs::V;
+  static constexpr int pairs = Pairs::pairs;
+  static constexpr int outer = Dim == 2 ? 1 : pairs;  // registers of the factors over all but the last direction
+
+  void add(const CellParticle<T>* particles, const std::uint16_t* of_cell, int count, Tile<Kernel, Dim, T>& values,
+           StencilTile<Kernel, Dim, T>& stencil, int tile_node) {
+    for (int begin = 0; begin < count; begin += group_particles) {
+      const int group = std::min(count - begin, group_particles);
+      for (int i = 0; i < group; ++i) factors(particles[of_cell[begin + i]], i);
+      add_values(group, values.data + tile_node * node_values);
+      constexpr int side = StencilTile<Kernel, Dim, T>::side;
+      const int z = tile_node % side, row = tile_node / side;
+#ifdef __AVX512F__
+      constexpr int at_once = Dim == 2 ? 1 : 3;  // 18 sums of 8 lanes fit the 32 registers
+#else
+      constexpr int at_once = 1;
+#endif
+      for (int p = 0; p < outer; p += at_once) add_stencil<at_once>(p, group, stencil, row, z);
+    }
+  }
+
+ private:
+  void factors(const CellParticle<T>& p, int i) {
+    constexpr int last = Dim - 1;
+    V W[Dim], K[Dim];
+    for (int a = 0; a < Dim; ++a) {
+      const Quad<T> w = load_quad(p.w[a]);
+      const Quad<T> u = w * (p.centre[a] + Quad<T>{-1, 0, 1, 2});
+      W[a] = Pairs::products(w);
+      K[a] = Pairs::products(u);
+    }
+    inner_[i][0] = p.reaction * W[last] + p.conductivity * K[last];
+    inner_[i][1] = p.conductivity * W[last];
+    if constexpr (Dim == 2) {
+      outer_[i][0][0] = W[0];
+      outer_[i][1][0] = K[0];
+    } else {
+#pragma GCC unroll 10
+      for (int k = 0; k < pairs; ++k) {
+        outer_[i][0][k] = W[0][Pairs::lane(k)] * W[1];
+        outer_[i][1][k] = K[0][Pairs::lane(k)] * W[1] + W[0][Pairs::lane(k)] * K[1];
+      }
+    }
+    const Row<T> w = Row<T>::spread(load_quad(p.w[last]));
+    row_[i] = w * Row<T>::repeat(load_quad(p.q));
+    for (int n = 0; n < Kernel::support; ++n) {
+      const Quad<T> weights = Dim == 2 ? Quad<T>{p.w[0][n]} : p.w[0][n] * load_quad(p.w[1]);
+      std::memcpy(row_weight_[i][n], &weights, sizeof(weights));
+    }
+  }
+
+  void add_values(int group, T* first) {
+    constexpr int side = Tile<Kernel, Dim, T>::side, support = Kernel::support, columns = Dim == 2 ? 1 : support;
+    Row<T> sum[support * columns];
+#pragma GCC unroll 16
+    for (int n = 0; n < support * columns; ++n) sum[n] = Row<T>::zero();
+    for (int i = 0; i < group; ++i) {
+      const Row<T> values = row_[i];
+#pragma GCC unroll 16
+      for (int n = 0; n < support * columns; ++n) sum[n] = sum[n] + row_weight_[i][n / columns][n % columns] * values;
+    }
+#pragma GCC unroll 16
+    for (int n = 0; n < support * columns; ++n) {
+      T* row = first + (Dim == 2 ? n * side : (n / columns * side + n % columns) * side) * node_values;
+      (Row<T>::load(row) + sum[n]).store(row);
+    }
+  }
+
+  // For the outer factors [begin, begin + Count), each with all pairs of its direction.
+  template <int Count>
+  void add_stencil(int begin, int group, StencilTile<Kernel, Dim, T>& stencil, int row, int z) {
+    constexpr int side = StencilTile<Kernel, Dim, T>::side, support = Kernel::support;
+    V sum[Count * pairs];
+#pragma GCC unroll 40
+    for (int n = 0; n < Count * pairs; ++n) sum[n] = V{};
+    for (int i = 0; i < group; ++i) {
+      const V a = inner_[i][0], b = inner_[i][1];
+#pragma GCC unroll 40
+      for (int n = 0; n < Count * pairs; ++n) {
+        sum[n] += outer_[i][0][begin + n / pairs][Pairs::lane(n % pairs)] * a;
+        sum[n] += outer_[i][1][begin + n / pairs][Pairs::lane(n % pairs)] * b;
+      }
+    }
+#pragma GCC unroll 4
+    for (int c = 0; c < Count; ++c) {
+      const int x = Dim == 2 ? 0 : begin + c;
+#pragma GCC unroll 10
+      for (int k = 0; k < pairs; ++k) {
+        T* line = Dim == 2 ? stencil.at(row + Pairs::node(k), Pairs::offset(k), z)
+                           : stencil.at(row + Pairs::node(x) * side + Pairs::node(k),
+                                        Pairs::offset(x) * support + Pairs::offset(k), z);
+        V old;
+        std::memcpy(&old, line, sizeof(old));
+        old += sum[c * pairs + k];
+        std::memcpy(line, &old, sizeof(old));
+      }
+    }
+  }
+
+  V outer_[group_particles][2][outer], inner_[group_particles][2];
+  Row<T> row_[group_particles];
+  T row_weight_[group_particles][Kernel::support][4];
 };
 
 }  // namespace
 
 template <class Kernel, int Dim, class T>
-void scatter_operator_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                              const OperatorColumns<T>& columns, T* stencil) {
-  using Sums = CellSums<Kernel, Dim, T>;
+void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                                ValueSource<T>& source, T* nodes, T* diagonal, T* stencil, std::vector<char>& touched) {
+  using NodeTile = Tile<Kernel, Dim, T>;
   constexpr int W = pack_width<T>;
-  Sums sums;
+  NodeTile tile;
+  StencilTile<Kernel, Dim, T> stencil_tile;
+  CellSums<Kernel, Dim, T> sums;
+  CellOrder<NodeTile::nodes> cells;
+  std::vector<CellParticle<T>> particles(batch_particles);
+  alignas(64) T storage[node_values + 2][chunk_particles];
+  T* q[node_values];
+  for (int c = 0; c < node_values; ++c) q[c] = storage[c];
+  T *conductivity = storage[node_values], *reaction = storage[node_values + 1];
   const Real* x[Dim];
   for (int a = 0; a < Dim; ++a) x[a] = body.particles.template data<Real>(core::position, a);
   const Real scale = Kernel::inverse_inertia / grid.geometry.spacing();
   const T scale2 = static_cast<T>(scale * scale);
+
   for (int number : ranges) {
     const BlockRange& range = body.ranges[number];
-    IntVec<Dim> cell = IntVec<Dim>::Constant(-1);
-    for (Index p = range.begin; p < range.end; p += W) {
-      const LanePlace<Kernel, Dim, T> lanes(grid.geometry, grid.topology.first_node(range.slot), x, p);
-      if (!lanes.inside()) throw_drifted_out();
-      for (int l = 0; l < W; ++l) {
-        IntVec<Dim> first;
-        T pair_w[Dim][Sums::padded] = {}, pair_k[Dim][Sums::padded] = {};
-        for (int a = 0; a < Dim; ++a) {
-          first[a] = static_cast<int>(lanes.first[a][l]);
-          for (int n = 0; n < Kernel::support; ++n)
-            for (int m = n; m < Kernel::support; ++m) {
-              const T ww = lanes.w[a][n][l] * lanes.w[a][m][l];
-              const T dn = lanes.centre[a][l] + static_cast<T>(n - 1), dm = lanes.centre[a][l] + static_cast<T>(m - 1);
-              pair_w[a][Sums::pair(n, m)] = ww;
-              pair_k[a][Sums::pair(n, m)] = ww * dn * dm;
-            }
+    const IntVec<Dim> first_node = grid.topology.first_node(range.slot);
+    tile.zero();
+    for (Index batch = range.begin; batch < range.end; batch += batch_particles) {
+      const Index batch_end = std::min<Index>(batch + batch_particles, range.end);
+      bool inside = true;
+      for (Index begin = batch; begin < batch_end; begin += chunk_particles) {
+        const Index end = std::min<Index>(begin + chunk_particles, batch_end);
+        source.values(begin, end, q, conductivity, reaction);
+        for (Index p = begin; p < end; p += W) {
+          const LanePlace<Kernel, Dim, T> lanes(grid.geometry, first_node, x, p);
+          inside = inside && lanes.inside();
+          CellParticle<T>* out = particles.data() + (p - batch);
+          lanes.write(out);
+          for (int l = 0; l < W; ++l) {
+            const Index i = p - begin + l;
+            for (int a = 0; a < Dim; ++a) out[l].centre[a] = lanes.centre[a][l];
+            for (int c = 0; c < node_values; ++c) out[l].q[c] = q[c][i];
+            out[l].conductivity = scale2 * conductivity[i];
+            out[l].reaction = reaction[i];
+          }
         }
-        if (first != cell) {
-          if (cell[0] >= 0) sums.flush(grid.topology, range.slot, cell, stencil);
-          cell = first;
-        }
-        sums.add(pair_w, pair_k, scale2 * columns.conductivity[p + l], columns.reaction ? columns.reaction[p + l] : T(0));
       }
+      if (!inside) throw_drifted_out();
+      cells.build(static_cast<int>(batch_end - batch), [&particles](int p) { return particles[p].tile_node; });
+      cells.for_each_cell([&](int cell, const std::uint16_t* of_cell, int count) {
+        constexpr int side = NodeTile::side;
+        const int first[3] = {Dim == 2 ? cell / side : cell / (side * side), Dim == 2 ? cell % side : cell / side % side,
+                              cell % side};
+        stencil_tile.include(first);
+        sums.add(particles.data(), of_cell, count, tile, stencil_tile, cell);
+      });
     }
-    if (cell[0] >= 0) sums.flush(grid.topology, range.slot, cell, stencil);
+    tile.scatter_add(grid.topology, range.slot, nodes);
+    stencil_tile.scatter_add(grid.topology, range.slot, stencil, diagonal, touched);
   }
 }
 
-#define MPM_INSTANTIATE(Dim, T)                                                                            \
-  template void scatter_operator_stencil<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,  \
-                                                                  const std::vector<int>&,                   \
-                                                                  const OperatorColumns<T>&, T*);
+#define MPM_INSTANTIATE(Dim, T)                                                                                         \
+  template void scatter_values_and_stencil<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,           \
+                                                                    const std::vector<int>&, ValueSource<T>&, T*, T*, T*, \
+                                                                    std::vector<char>&);
 MPM_INSTANTIATE(2, float)
 MPM_INSTANTIATE(2, double)
 MPM_INSTANTIATE(3, float)

@@ -195,6 +195,8 @@ def command_line_cases(runs):
              arguments=(*plain, "-phase_pc_type", "nonsense")),
         Case("wrong number for PETSc", 2, ["-phase_ksp_max_it", "abc"], scene=PLATE,
              arguments=(*plain, "-phase_ksp_max_it", "abc")),
+        Case("preconditioner that wants a matrix", 2, ["operator", "assembled"], scene=PLATE,
+             arguments=(*plain, "-phase_pc_type", "gamg", "--set", "effect.phase_field.operator=stencil")),
         Case("PETSc options that a solve reads", 0, arguments=(*plain, "-phase_ksp_converged_reason",
              "-phase_pc_type", "gamg", "-phase_mg_levels_ksp_type", "chebyshev"), **petsc),
     ]

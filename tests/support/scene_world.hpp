@@ -31,6 +31,7 @@ class SceneWorld {
       if (state.fields.traits(f).sums_ghosts) summed.push_back(f);
       if (state.fields.traits(f).fills_ghosts) filled.push_back(f);
     }
+    for (const auto& hook : hooks.before_p2g) hook(state);
     for (FieldId f : summed) state.fields.zero(f);
     run_ranges(hooks.on_p2g);
     state.halo().sum(state.fields, summed);

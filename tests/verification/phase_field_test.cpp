@@ -191,7 +191,7 @@ TEST(PhaseFieldVerification, HomogeneousBar) {
   const Real length = 0.7, residual = 0.01;
   const Real equilibrium = 1 / (1 + 4 * length * (1 - residual) * bar.driving_energy / tough);
   for (const char* reaction : {"consistent", "lumped"})
-    for (const char* form : {"assembled", "matrix_free"}) {
+    for (const char* form : {"assembled", "matrix_free", "stencil"}) {
       World world(
           scene_text(9, 7, 4,
                      fmt::format("length_scale = {}\nresidual = {}\ntolerance = 1e-14\nreaction = \"{}\"\n"

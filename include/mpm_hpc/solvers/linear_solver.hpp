@@ -53,6 +53,10 @@ class LinearSolver {
   // Whether an option (with its dash) is addressed to a solver that exists.
   static bool knows_prefix(const std::string& option);
 
+  // The preconditioner that the command line asks for, if it needs the matrix's entries and not just its diagonal; else
+  // empty.
+  static std::string preconditioner_of_entries(const std::string& prefix);
+
   // What the matrix and the vectors take on this rank.
   std::size_t allocated_bytes() const;
 

@@ -1,39 +1,52 @@
-// The diffusion-reaction operator as one stencil per node, a grid field like any other: ghost rows travel to their owners with the
-// halo sum, so that the assembled matrix is filled row by row.
+// The diffusion-reaction operator of scalar_transfer.hpp as numbers on the nodes: filled by one sweep over the particles,
+// then applied without them.
 #pragma once
 
-#include <array>
+#include <vector>
 
 #include "mpm_hpc/transfer/scalar_transfer.hpp"
 
 namespace mpm {
 
-// A is symmetric, so a node keeps the entries to itself and to the nodes after it in lexicographic order. Entry
-// `half_stencil_entry(offset)` of node i is A_i,i+offset.
+// A_ij is a sum over particles of products over directions, each symmetric in its two node numbers. So it is the same for
+// all pairs of nodes that span the same box: 2^Dim ordered pairs share one entry, kept at the box's lower corner. A node has
+// support^Dim entries (27 in 3D for the quadratic kernel) where a row of the matrix has 125.
+//
+// Blocks lie one behind the other, each as [offset][node], in the order in which a product reads them. Entries are this
+// rank's part of the sum over particles.
 template <class Kernel, int Dim>
-struct HalfStencil {
-  static constexpr int reach = Kernel::support - 1;
-  static constexpr int width = 2 * reach + 1;
-  static constexpr int full = Dim == 2 ? width * width : width * width * width;
-  static constexpr int centre = full / 2;
-  static constexpr int size = full - centre;  // 13 (2D) and 63 (3D) for the quadratic kernel
+struct OperatorStencil {
+  static constexpr int offsets = Kernel::support;  // 0..support - 1 in each direction
+  static constexpr int planes = Dim == 2 ? offsets : offsets * offsets;
+  static constexpr int size = planes * offsets;  // entries per node
+  static constexpr int nodes = nodes_per_block<Dim>;
+  static constexpr int block_values = size * nodes;
 
-  // Number of an offset in -reach..reach per direction; centre for zero; below centre: the mirrored entry's row holds it.
-  static constexpr int number(const IntVec<Dim>& offset) {
+  // Entry of the pairs that span the box from node n of the block to this node + offset, offset >= 0.
+  static std::size_t index(Slot slot, int n, const IntVec<Dim>& offset) {
+    return static_cast<std::size_t>(slot) * block_values + static_cast<std::size_t>(number(offset) * nodes + n);
+  }
+  // Number of an offset in lexicographic order, and back.
+  static int number(const IntVec<Dim>& offset) {
     int n = 0;
-    for (int a = 0; a < Dim; ++a) n = n * width + offset[a] + reach;
+    for (int a = 0; a < Dim; ++a) n = n * offsets + offset[a];
     return n;
   }
   static IntVec<Dim> offset(int number) {
     IntVec<Dim> o;
-    for (int a = Dim - 1; a >= 0; --a, number /= width) o[a] = number % width - reach;
+    for (int a = Dim - 1; a >= 0; --a, number /= offsets) o[a] = number % offsets;
     return o;
   }
 };
 
-// stencil[n * HalfStencil::size + e] += the entries of A (see scalar_transfer.hpp).
+// What scatter_values does, and the operator's stencil in the same sweep: stencil[OperatorStencil::index(...)] += A_ij.
+// touched[slot] = 1 for the blocks that got entries; the others' are all 0.
 template <class Kernel, int Dim, class T>
-void scatter_operator_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                              const OperatorColumns<T>& columns, T* stencil);
+void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
+                                ValueSource<T>& source, T* nodes, T* diagonal, T* stencil, std::vector<char>& touched);
+
+// y += A x with the entries of the given blocks. x and y have one value per node.
+template <class Kernel, int Dim, class T>
+void apply_stencil(const BlockTopology<Dim>& topology, const std::vector<Slot>& blocks, const T* stencil, const T* x, T* y);
 
 }  // namespace mpm

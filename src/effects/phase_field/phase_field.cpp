@@ -54,8 +54,10 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
   p.boolean("corrected_toughness", corrected_,
             {.doc = "Divide the toughness by 1 + k h/l0 (k = 0.16, lumped 0.40), so that a crack costs fracture_toughness per "
                     "area on this grid."});
-  p.choice("operator", operator_, {"auto", "assembled", "matrix_free"},
-           "How M + H is applied; auto takes the form that is faster for the mobility.");
+  p.choice("operator", operator_, {"auto", "stencil", "matrix_free", "assembled"},
+           "How M + H is applied: from numbers on the nodes, by sweeps over the particles, or as a PETSc matrix for other "
+           "preconditioners; auto takes matrix_free with a mobility, where few iterations are needed, stencil without, and assembled "
+           "for a -phase_pc_type that needs it.");
   p.real("tolerance", solver_options_.relative_tolerance,
          {.min = 0, .min_exclusive = true, .max = 1, .max_exclusive = true, .doc = "Relative tolerance of the solve."});
   p.integer("max_iterations", solver_options_.max_iterations, {.min = 1, .doc = "Largest number of PCG iterations."});
@@ -80,6 +82,11 @@ std::string PhaseField<Dim>::explain() const {
 template <int Dim>
 void PhaseField<Dim>::declare_fields(State<Dim>& state) {
   const Real spacing = state.geometry().spacing();
+  const std::string preconditioner = LinearSolver::preconditioner_of_entries(PhaseSystem<Dim>::options_prefix);
+  if (operator_ == "auto") operator_ = !preconditioner.empty() ? "assembled" : mobility_ ? "matrix_free" : "stencil";
+  require(preconditioner.empty() || operator_ == "assembled",
+          "{}: operator = \"{}\" has no entries for -{}pc_type {}; take operator = \"assembled\" or the preconditioner jacobi",
+          where_, operator_, PhaseSystem<Dim>::options_prefix, preconditioner);
   part_of_body_.assign(state.bodies.size(), -1);
   std::vector<typename PhaseSystem<Dim>::Part> system_parts;
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
@@ -98,9 +105,10 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
       part.law.toughness = corrected_toughness(part.law.toughness, spacing, part.law.length,
                                                lumped_ ? lumped_correction : consistent_correction);
     part.phase = f.add({.name = "phase", .units = "1", .type = real, .in_output = true, .initial = 1});
-    part.conductivity = f.add({.name = "phase_conductivity", .units = "m^5", .type = real});
-    part.reaction =
-        lumped_ ? no_field : f.add({.name = "phase_reaction", .units = "m^3", .type = real});
+    if (operator_ == "matrix_free") {
+      part.conductivity = f.add({.name = "phase_conductivity", .units = "m^5", .type = real});
+      if (!lumped_) part.reaction = f.add({.name = "phase_reaction", .units = "m^3", .type = real});
+    }
     part.gradient = by_increment_ ? no_field : f.add({.name = "phase_gradient_squared", .units = "1/m^2", .type = real});
     // With cracks from the start the column is the floor of the driving energy that keeps them open on the grid.
     part.history = running_maximum_ || !cracks_.empty()
@@ -115,10 +123,9 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
           "{}: effect.phase_field is on but no body can fracture; give a body's material a fracture_toughness, or take "
           "the effect out",
           where_);
-  // Many iterations favour the matrix, few the sweep over the particles; without mobility there are many. In 3D a row has
-  // 125 entries, and assembling them costs more than all the sweeps that it saves (measured with bench_step).
-  if (operator_ == "auto") operator_ = mobility_ || Dim == 3 ? "matrix_free" : "assembled";
-  system_ = std::make_unique<PhaseSystem<Dim>>(state, operator_ == "assembled", solver_options_);
+  using Form = typename PhaseSystem<Dim>::Form;
+  const Form form = operator_ == "matrix_free" ? Form::particles : operator_ == "stencil" ? Form::stencil : Form::matrix;
+  system_ = std::make_unique<PhaseSystem<Dim>>(state, form, solver_options_);
   system_->set_parts(std::move(system_parts));
 }
 
@@ -143,6 +150,7 @@ void PhaseField<Dim>::initialise(State<Dim>& state) {
 
 template <int Dim>
 void PhaseField<Dim>::join(StepHooks<Dim>& hooks) {
+  hooks.before_p2g.push_back([this](State<Dim>& s) { system_->begin(s); });
   hooks.on_p2g.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { scatter(s, b, r); });
   hooks.on_grid.push_back([this](State<Dim>& s) { solve(s); });
   hooks.on_g2p.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { update(s, b, r); });
@@ -153,14 +161,18 @@ template <int Dim>
 template <class T>
 class PhaseField<Dim>::Source final : public ValueSource<T> {
  public:
-  Source(const State<Dim>& state, const BodyPart& part, bool running_maximum)
-      : material_(state.material_of(part.body)), law_(part.law), dt_(state.dt), running_maximum_(running_maximum) {
+  Source(const State<Dim>& state, const BodyPart& part, bool running_maximum, bool lumped)
+      : material_(state.material_of(part.body)),
+        law_(part.law),
+        dt_(state.dt),
+        running_maximum_(running_maximum),
+        lumped_(lumped) {
     const FieldSet& f = state.bodies[part.body].particles;
     for (int c = 0; c < Dim * Dim; ++c) F_[c] = f.template data<T>(core::deformation_gradient, c);
     mass_ = f.template data<T>(core::mass);
     volume_ = f.template data<T>(core::volume);
     phase_ = f.template data<T>(part.phase);
-    conductivity_ = f.template data<T>(part.conductivity);
+    conductivity_ = part.conductivity == no_field ? nullptr : f.template data<T>(part.conductivity);
     reaction_ = part.reaction == no_field ? nullptr : f.template data<T>(part.reaction);
     history_ = part.history == no_field ? nullptr : f.template data<T>(part.history);
   }
@@ -181,14 +193,14 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
       const S present = select_less<S>(S::Zero(), load<S>(mass_ + p), S::Ones(), S::Zero());
       const S k = volume * static_cast<T>(law_.conductivity());
       const S drive = volume * law_.drive(load<S>(energy + i)), storage = volume * static_cast<T>(law_.storage(dt_));
-      store(q[System::mass_term] + i, reaction_ ? storage : S(storage + drive));
-      store(reaction + i, reaction_ ? drive : S::Zero());
+      store(q[System::mass_term] + i, lumped_ ? S(storage + drive) : storage);
+      store(reaction + i, lumped_ ? S::Zero() : drive);
       if (reaction_) store(reaction_ + p, drive);
       store(q[System::right_hand_side] + i, S(volume * law_.right_hand_side(phase, dt_)));
       store(q[System::weighted_phase] + i, S(present * phase));
       store(q[System::weight] + i, present);
       store(conductivity + i, k);
-      store(conductivity_ + p, k);
+      if (conductivity_) store(conductivity_ + p, k);
     }
   }
 
@@ -196,7 +208,7 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
   const Material<Dim>& material_;
   const PhaseLaw& law_;
   Real dt_;
-  bool running_maximum_;
+  bool running_maximum_, lumped_;
   const T* F_[Dim * Dim];
   const T *mass_, *volume_, *phase_;
   T *conductivity_, *reaction_, *history_;
@@ -205,12 +217,10 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
 template <int Dim>
 void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges) {
   if (part_of_body_[body] < 0) return;
-  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    Source<T> source(state, parts_[part_of_body_[body]], running_maximum_);
-    scatter_values<Kernel>(grid, state.bodies[body], ranges, source, state.fields.template data<T>(system_->values()),
-                           state.fields.template data<T>(system_->diagonal()));
+    Source<T> source(state, parts_[part_of_body_[body]], running_maximum_, lumped_);
+    system_->scatter(state, body, ranges, source);
   });
 }
 

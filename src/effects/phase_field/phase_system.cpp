@@ -1,6 +1,7 @@
 #include "mpm_hpc/effects/phase_field/phase_system.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/transfer/operator_stencil.hpp"
@@ -13,22 +14,68 @@ using Kernel = QuadraticKernel;
 // Row numbers travel in grid fields of either precision, as two parts that a float holds exactly.
 constexpr GlobalIndex row_base = 1 << 20;
 
+constexpr std::size_t no_node = ~std::size_t{0};
+
+// The node at a place counted from a block's first node, at most one block away; no_node if its block isn't active.
+template <int Dim>
+std::size_t node_around(const Slot* around, const IntVec<Dim>& place) {
+  int neighbour = 0, in_block = 0;
+  for (int a = 0; a < Dim; ++a) {
+    neighbour = 3 * neighbour + (place[a] < 0 ? 0 : place[a] < block_side ? 1 : 2);
+    in_block = block_side * in_block + (place[a] & (block_side - 1));
+  }
+  if (around[neighbour] == no_slot) return no_node;
+  return static_cast<std::size_t>(around[neighbour]) * nodes_per_block<Dim> + static_cast<std::size_t>(in_block);
+}
+
 }  // namespace
 
 template <int Dim>
-PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, bool assembled, const LinearSolverOptions& options)
-    : assembled_(assembled), solver_(state.communicator(), "phase_", options) {
+PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, const LinearSolverOptions& options)
+    : form_(form), solver_(state.communicator(), options_prefix, options) {
   GridFields& f = state.fields;
   values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = true});
   diagonal_ = f.add({.name = "phase_diagonal", .units = "1", .sums_ghosts = true});
   result_ = f.add({.name = "phase_result", .units = "1", .fills_ghosts = true});
-  if (assembled_) {
-    constexpr int entries = HalfStencil<Kernel, Dim>::size;
+  if (form_ == Form::matrix) {
+    constexpr int entries = OperatorStencil<Kernel, Dim>::size;
     stencil_ = f.add({.name = "phase_stencil", .units = "1", .components = entries, .halo_components = entries});
     row_number_ = f.add({.name = "phase_row", .units = "1", .components = 2, .halo_components = 2});
     state.distribution.require_row_halo();
   } else {
     product_ = f.add({.name = "phase_product", .units = "1"});
+  }
+}
+
+template <int Dim>
+void PhaseSystem<Dim>::begin(const State<Dim>& state) {
+  if (form_ == Form::particles) return;
+  const std::size_t block = OperatorStencil<Kernel, Dim>::block_values *
+                            (state.precision == Precision::single_precision ? sizeof(float) : sizeof(double));
+  const auto blocks = static_cast<std::size_t>(state.topology().size());
+  if (entries_sort_ != state.distribution.sorts()) {
+    entries_sort_ = state.distribution.sorts();
+    entries_.allocate(blocks * block, 0);
+    std::memset(entries_.data(), 0, blocks * block);
+  } else {
+    for (std::size_t s = 0; s < blocks; ++s)
+      if (touched_[s]) std::memset(static_cast<char*>(entries_.data()) + s * block, 0, block);
+  }
+  touched_.assign(blocks, 0);
+}
+
+template <int Dim>
+template <class T>
+void PhaseSystem<Dim>::scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges,
+                               ValueSource<T>& source) {
+  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+  T* values = state.fields.template data<T>(values_);
+  T* diagonal = state.fields.template data<T>(diagonal_);
+  if (form_ == Form::particles) {
+    scatter_values<Kernel>(grid, state.bodies[body], ranges, source, values, diagonal);
+  } else {
+    scatter_values_and_stencil<Kernel>(grid, state.bodies[body], ranges, source, values, diagonal,
+                                       static_cast<T*>(entries_.data()), touched_);
   }
 }
 
@@ -59,7 +106,7 @@ void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
   }
 }
 
-// y = (M + H) x by one sweep over the particles.
+// y = (M + H) x. Ghosts of x come while the part that needs none is under way.
 template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
@@ -68,39 +115,67 @@ void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
   T* in = state.fields.template data<T>(result_);
   T* out = state.fields.template data<T>(product_);
   for (std::size_t r = 0; r < rows_.size(); ++r) in[rows_[r]] = static_cast<T>(x[r]);
-  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
-  auto sweep = [&](bool boundary) {
+  for (const bool edge : {false, true}) {
+    if (edge) {
+      state.halo().finish_fill();
+    } else {
+      state.halo().start_fill(state.fields, {result_});
+    }
+    if (form_ == Form::stencil) {
+      apply_stencil<Kernel>(state.topology(), edge ? edge_ : inner_, static_cast<const T*>(entries_.data()), in, out);
+      continue;
+    }
+    const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
     for (const Part& part : parts_) {
       const Body<Dim>& body = state.bodies[part.body];
-      apply_operator<Kernel>(grid, body, boundary ? body.boundary : body.interior, columns<T>(state, part), in, out);
+      apply_operator<Kernel>(grid, body, edge ? body.boundary : body.interior, columns<T>(state, part), in, out);
     }
-  };
-  state.halo().start_fill(state.fields, {result_});
-  sweep(false);
-  state.halo().finish_fill();
-  sweep(true);
+  }
   state.halo().sum(state.fields, {product_});
   for (std::size_t r = 0; r < rows_.size(); ++r) y[r] = mass_[r] * x[r] + out[rows_[r]];
 }
 
-// The rows of M + H from the nodes' stencils: the entries to later nodes are the node's own, those to earlier ones stand
-// in the mirrored place.
+// A box reaches from its block to those behind it.
+template <int Dim>
+void PhaseSystem<Dim>::find_blocks(const BlockTopology<Dim>& topology) {
+  inner_.clear();
+  edge_.clear();
+  for (Slot s = 0; s < topology.size(); ++s) {
+    if (!touched_[s]) continue;
+    const Slot* around = topology.neighbours(s);
+    const bool edge = std::any_of(around + block_neighbours<Dim> / 2, around + block_neighbours<Dim>,
+                                  [&topology](Slot other) { return other >= topology.owned(); });
+    (edge ? edge_ : inner_).push_back(s);
+  }
+}
+
+// The stencil in the order of a grid field, summed over the ranks.
+template <int Dim>
+template <class T>
+void PhaseSystem<Dim>::stencil_to_field(State<Dim>& state) {
+  using Stencil = OperatorStencil<Kernel, Dim>;
+  GridFields& fields = state.fields;
+  fields.zero(stencil_);
+  T* out = fields.template data<T>(stencil_);
+  const T* in = static_cast<const T*>(entries_.data());
+  for (Slot s = 0; s < state.topology().size(); ++s) {
+    if (!touched_[s]) continue;
+    for (int n = 0; n < nodes_per_block<Dim>; ++n) {
+      T* entries = out + (static_cast<std::size_t>(s) * nodes_per_block<Dim> + n) * Stencil::size;
+      for (int e = 0; e < Stencil::size; ++e) entries[e] = in[Stencil::index(s, n, Stencil::offset(e))];
+    }
+  }
+  state.halo().sum(fields, {stencil_});
+}
+
+// The rows of M + H: the entry of two nodes stands at the lower corner of the box that they span.
 template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
-  using Stencil = HalfStencil<Kernel, Dim>;
-  constexpr int npb = nodes_per_block<Dim>;
+  using Stencil = OperatorStencil<Kernel, Dim>;
+  constexpr int reach = Stencil::offsets - 1, width = 2 * reach + 1;
   GridFields& fields = state.fields;
-  fields.zero(stencil_);
-  T* stencil = fields.template data<T>(stencil_);
-  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
-  for (const Part& part : parts_) {
-    const Body<Dim>& body = state.bodies[part.body];
-    for (const auto* ranges : {&body.boundary, &body.interior})
-      scatter_operator_stencil<Kernel>(grid, body, *ranges, columns<T>(state, part), stencil);
-  }
-  state.halo().sum(fields, {stencil_});
-
+  stencil_to_field<T>(state);
   T* number = fields.template data<T>(row_number_);
   std::fill_n(number, 2 * fields.nodes(), T(-1));
   for (std::size_t r = 0; r < rows_.size(); ++r) {
@@ -109,26 +184,20 @@ void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
     number[2 * rows_[r] + 1] = static_cast<T>(row % row_base);
   }
   state.distribution.row_halo().fill(fields, {stencil_, row_number_});
+  const T* stencil = fields.template data<T>(stencil_);
 
-  IntVec<Dim> offsets[Stencil::full];
-  for (int o = 0; o < Stencil::full; ++o) offsets[o] = Stencil::offset(o);
   matrix_.clear();
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const Slot* around = state.topology().neighbours(static_cast<Slot>(rows_[r] / npb));
-    const IntVec<Dim> local = node_in_block<Dim>(static_cast<int>(rows_[r] % npb));
-    for (int o = 0; o < Stencil::full; ++o) {
-      int neighbour = 0, in_block = 0;
-      for (int a = 0; a < Dim; ++a) {
-        const int position = local[a] + offsets[o][a];
-        neighbour = 3 * neighbour + (position < 0 ? 0 : position < block_side ? 1 : 2);
-        in_block = block_side * in_block + (position & (block_side - 1));
-      }
-      if (around[neighbour] == no_slot) continue;
-      const std::size_t other = static_cast<std::size_t>(around[neighbour]) * npb + in_block;
-      if (number[2 * other] < 0) continue;
-      Real entry = o >= Stencil::centre ? stencil[rows_[r] * Stencil::size + (o - Stencil::centre)]
-                                        : stencil[other * Stencil::size + (Stencil::centre - o)];
-      if (o == Stencil::centre) entry += mass_[r];
+    const Slot* around = state.topology().neighbours(static_cast<Slot>(rows_[r] / nodes_per_block<Dim>));
+    const IntVec<Dim> node = node_in_block<Dim>(static_cast<int>(rows_[r] % nodes_per_block<Dim>));
+    for (int n = 0; n < (Dim == 2 ? width * width : width * width * width); ++n) {
+      IntVec<Dim> offset;
+      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= width) offset[a] = rest % width - reach;
+      const std::size_t other = node_around<Dim>(around, node + offset),
+                        corner = node_around<Dim>(around, node + offset.cwiseMin(0));
+      if (other == no_node || corner == no_node || number[2 * other] < 0) continue;
+      Real entry = stencil[corner * Stencil::size + static_cast<std::size_t>(Stencil::number(offset.cwiseAbs()))];
+      if (other == rows_[r]) entry += mass_[r];
       if (entry == 0) continue;
       matrix_.columns.push_back(static_cast<int>(static_cast<GlobalIndex>(number[2 * other]) * row_base +
                                                  static_cast<GlobalIndex>(number[2 * other + 1])));
@@ -144,9 +213,10 @@ template <class T>
 int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
   find_rows<T>(state);
   const GlobalIndex first_row = solver_.set_rows(static_cast<int>(rows_.size()));
-  if (assembled_) {
+  if (form_ == Form::matrix) {
     assemble<T>(state, first_row);
   } else {
+    if (form_ == Form::stencil) find_blocks(state.topology());
     const T* laplacian = state.fields.template data<T>(diagonal_);
     std::vector<Real> diagonal(rows_.size());
     for (std::size_t r = 0; r < rows_.size(); ++r) diagonal[r] = mass_[r] + laplacian[rows_[r]];
@@ -196,12 +266,18 @@ void PhaseSystem<Dim>::project_phase(State<Dim>& state) {
 
 template <int Dim>
 std::size_t PhaseSystem<Dim>::allocated_bytes() const {
-  return solver_.allocated_bytes() + last_solution_.capacity() * sizeof(Real) + rows_.capacity() * sizeof(std::size_t) +
+  return solver_.allocated_bytes() + entries_.allocated() + touched_.capacity() +
+         (inner_.capacity() + edge_.capacity()) * sizeof(Slot) + last_solution_.capacity() * sizeof(Real) + rows_.capacity() * sizeof(std::size_t) +
          (mass_.capacity() + rhs_.capacity() + solution_.capacity() + start_.capacity()) * sizeof(Real) +
          matrix_.values.capacity() * sizeof(Real) + (matrix_.columns.capacity() + matrix_.starts.capacity()) * sizeof(int);
 }
 
-template class PhaseSystem<2>;
-template class PhaseSystem<3>;
+#define MPM_INSTANTIATE(Dim)                                                                                      \
+  template class PhaseSystem<Dim>;                                                                                \
+  template void PhaseSystem<Dim>::scatter(State<Dim>&, std::size_t, const std::vector<int>&, ValueSource<float>&); \
+  template void PhaseSystem<Dim>::scatter(State<Dim>&, std::size_t, const std::vector<int>&, ValueSource<double>&);
+MPM_INSTANTIATE(2)
+MPM_INSTANTIATE(3)
+#undef MPM_INSTANTIATE
 
 }  // namespace mpm

@@ -62,13 +62,16 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
       for (int a = 0; a < Dim; ++a)
         particles[id[p]].x[a] = (body.particles.template data<Real>(core::position, a)[p] += drift(random));
 
-  constexpr int half = HalfStencil<QuadraticKernel, Dim>::size, centre = HalfStencil<QuadraticKernel, Dim>::centre;
+  using Stencil = OperatorStencil<QuadraticKernel, Dim>;
   GridFields fields(precision);
   const FieldId nodes = fields.add({.name = "values", .components = 4});
   const FieldId diagonal = fields.add({.name = "diagonal"}), x = fields.add({.name = "x"}), y = fields.add({.name = "y"});
-  const FieldId stencil = fields.add({.name = "stencil", .components = half});
+  // What the sweep with the stencil gives, and its product.
+  const FieldId nodes2 = fields.add({.name = "values again", .components = 4});
+  const FieldId diagonal2 = fields.add({.name = "diagonal again"}), y2 = fields.add({.name = "product by stencil"});
+  const FieldId stencil = fields.add({.name = "stencil", .components = Stencil::size});
   fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
-  for (FieldId f : {nodes, diagonal, x, y, stencil}) fields.zero(f);
+  for (FieldId f : {nodes, diagonal, x, y, nodes2, diagonal2, y2, stencil}) fields.zero(f);
   // The particles' volume serves as conductivity (0 for padding), their mass as the scattered value and, scaled up so
   // that it is seen beside k / h^2, as reaction.
   const T* conductivity = body.particles.template data<T>(core::volume);
@@ -91,7 +94,14 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
                                   fields.template data<T>(diagonal));
   apply_operator<QuadraticKernel>(grid, body, all_ranges(body), columns, fields.template data<T>(x),
                                   fields.template data<T>(y));
-  scatter_operator_stencil<QuadraticKernel>(grid, body, all_ranges(body), columns, fields.template data<T>(stencil));
+  std::vector<char> touched(topology.size(), 0);
+  scatter_values_and_stencil<QuadraticKernel>(grid, body, all_ranges(body), source, fields.template data<T>(nodes2),
+                                              fields.template data<T>(diagonal2), fields.template data<T>(stencil), touched);
+  std::vector<Slot> blocks;
+  for (Slot s = 0; s < topology.size(); ++s)
+    if (touched[s]) blocks.push_back(s);
+  apply_stencil<QuadraticKernel>(topology, blocks, fields.template data<T>(stencil), fields.template data<T>(x),
+                                 fields.template data<T>(y2));
   Collected<T, Dim> sink;
   sink.value.resize(body.particles.size());
   sink.gradient.resize(body.particles.size());
@@ -99,7 +109,7 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
 
   // The plain way: D^-1 w (x_i - x_p) of each stencil node, and every pair of nodes.
   std::vector<Real> values(in.size()), diag(in.size()), out(in.size());
-  std::vector<std::array<Real, 125>> entries(in.size());
+  std::vector<std::array<Real, Stencil::size>> entries(in.size());  // A_ij by i and j - i >= 0
   const Real inverse_inertia = 4 / (0.1 * 0.1);
   std::vector<Real> value(particles.size());
   std::vector<Vec<Dim>> gradient(particles.size());
@@ -123,7 +133,9 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
         const Real h = p.volume * i.g.dot(j.g) + 300 * p.mass * i.w * j.w;
         out[reference.index(i.node)] += h * in[reference.index(j.node)];
         if (i.node == j.node) diag[reference.index(i.node)] += h;
-        entries[reference.index(i.node)][HalfStencil<QuadraticKernel, Dim>::number(j.node - i.node)] += h;
+        const IntVec<Dim> offset = j.node - i.node;
+        if (offset.minCoeff() < 0) continue;
+        entries[reference.index(i.node)][Stencil::number(offset)] += h;
       }
   }
   Real scale = 0;
@@ -133,11 +145,14 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
       const std::size_t k = static_cast<std::size_t>(s) * nodes_per_block<Dim> + n;
       const std::size_t i = reference.index(topology.first_node(s) + node_in_block<Dim>(n));
       for (int c = 0; c < 4; ++c)
-        EXPECT_NEAR(fields.template data<T>(nodes)[4 * k + c], (c + 1) * values[i], 100 * tolerance);
-      EXPECT_NEAR(fields.template data<T>(diagonal)[k], diag[i], tolerance * scale * 10);
-      EXPECT_NEAR(fields.template data<T>(y)[k], out[i], tolerance * scale * 30);
-      for (int e = 0; e < half; ++e)
-        EXPECT_NEAR(fields.template data<T>(stencil)[half * k + e], entries[i][centre + e], tolerance * scale * 10);
+        for (const FieldId f : {nodes, nodes2})
+          EXPECT_NEAR(fields.template data<T>(f)[4 * k + c], (c + 1) * values[i], 100 * tolerance);
+      for (const FieldId f : {diagonal, diagonal2})
+        EXPECT_NEAR(fields.template data<T>(f)[k], diag[i], tolerance * scale * 10);
+      for (const FieldId f : {y, y2}) EXPECT_NEAR(fields.template data<T>(f)[k], out[i], tolerance * scale * 30);
+      for (int e = 0; e < Stencil::size; ++e)
+        EXPECT_NEAR(fields.template data<T>(stencil)[Stencil::index(s, n, Stencil::offset(e))], entries[i][e],
+                    tolerance * scale * 10);
     }
   for (Index p = 0; p < body.particles.size(); ++p) {
     if (id[p] < 0) continue;

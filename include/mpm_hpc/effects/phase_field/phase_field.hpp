@@ -32,7 +32,7 @@ class PhaseField final : public Effect<Dim> {
   struct BodyPart {
     std::size_t body;
     PhaseLaw law;
-    FieldId phase, conductivity, reaction, gradient, history;  // history: lower bound of the driving energy, or no_field
+    FieldId phase, conductivity = no_field, reaction = no_field, gradient, history;  // history: lower bound of the driving energy, or no_field
   };
   template <class T>
   class Source;

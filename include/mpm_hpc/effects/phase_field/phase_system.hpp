@@ -1,4 +1,5 @@
-// The distributed system (M + H) c = r of one phase solve, assembled as a PETSc matrix or applied matrix-free.
+// The distributed system (M + H) c = r of one phase solve: the operator as a PETSc matrix, as numbers on the nodes, or
+// applied by sweeps over the particles.
 #pragma once
 
 #include <limits>
@@ -6,21 +7,32 @@
 
 #include "mpm_hpc/effects/state.hpp"
 #include "mpm_hpc/solvers/linear_solver.hpp"
-#include "mpm_hpc/transfer/scalar_transfer.hpp"
+#include "mpm_hpc/transfer/operator_stencil.hpp"
 
 namespace mpm {
 
 template <int Dim>
 class PhaseSystem {
  public:
-  // What the system needs of a body that can fracture: its number and the columns V_p 4 l0^2 and, unless the reaction is
-  // lumped, V_p 4 l0 (1 - r) H_p / G_c.
+  // How M + H is applied. particles: matrix-free, one sweep over the particles per iteration, the least work if there are
+  // one or two; stencil: one costlier sweep per solve, then a fraction of a sweep per iteration; matrix: the stencil made a
+  // PETSc matrix, for the preconditioners that need its entries.
+  enum class Form { particles, stencil, matrix };
+  // What the form `particles` needs of a body that can fracture: its number and the columns V_p 4 l0^2 and, unless the
+  // reaction is lumped, V_p 4 l0 (1 - r) H_p / G_c.
   struct Part {
     std::size_t body;
     FieldId conductivity, reaction = no_field;
   };
-  PhaseSystem(State<Dim>& state, bool assembled, const LinearSolverOptions& options);
+  static constexpr const char* options_prefix = "phase_";  // of its PETSc options
+  PhaseSystem(State<Dim>& state, Form form, const LinearSolverOptions& options);
   void set_parts(std::vector<Part> parts) { parts_ = std::move(parts); }
+
+  // Forgets the last step's operator; before the step's first scatter.
+  void begin(const State<Dim>& state);
+  // What some of a body's particles add to the system.
+  template <class T>
+  void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges, ValueSource<T>& source);
 
   // Grid fields: four sums per node and the operator's diagonal, filled by the particles in P2G ...
   FieldId values() const { return values_; }
@@ -47,14 +59,17 @@ class PhaseSystem {
   int solve_in(State<Dim>& state, Result result);
   template <class T>
   void apply(State<Dim>& state, const Real* x, Real* y);
+  void find_blocks(const BlockTopology<Dim>& topology);
   template <class T>
   void assemble(State<Dim>& state, GlobalIndex first_row);
+  template <class T>
+  void stencil_to_field(State<Dim>& state);
   template <class T>
   void find_rows(State<Dim>& state);
   void start_from_last_solution(const State<Dim>& state);
   void keep_solution(const State<Dim>& state);
 
-  bool assembled_;
+  Form form_;
   LinearSolver solver_;
   std::vector<Part> parts_;
   FieldId values_, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
@@ -65,6 +80,12 @@ class PhaseSystem {
   static constexpr Real no_value = std::numeric_limits<Real>::max();
   std::vector<Real> last_solution_;
   int last_sort_ = -1;
+  // The operator's stencil, this rank's part of the sum; blocks that it has entries in, and of them those that no ghost
+  // has to do with, and the others.
+  AlignedBuffer entries_;
+  int entries_sort_ = -1;
+  std::vector<char> touched_;
+  std::vector<Slot> inner_, edge_;
   SparseRows matrix_;
 };
 
