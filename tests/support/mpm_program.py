@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import tempfile
 import time
 from collections import namedtuple
 from pathlib import Path
@@ -44,10 +45,13 @@ class Program:
         if prelude:
             command = ["sh", "-c", prelude + '; exec "$@"', "sh", *command]
         self.alone = ranks == 1 and not prelude
+        # For Open MPI's files: an mpirun that starts while another one ends and removes the folder that they
+        # share fails.
+        self.session = tempfile.TemporaryDirectory(prefix="mpm_session_", ignore_cleanup_errors=True)
         self.process = subprocess.Popen(
-            command if self.alone else [*MPIRUN, "-n", str(ranks), *command], cwd=folder, env=ENVIRONMENT,
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            errors="replace")
+            command if self.alone else [*MPIRUN, "-n", str(ranks), *command], cwd=folder,
+            env=dict(ENVIRONMENT, OMPI_MCA_orte_tmpdir_base=self.session.name), stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
 
     def rank_processes(self):
         return [self.process.pid] if self.alone else children(self.process.pid)
@@ -75,6 +79,8 @@ class Program:
                     pass
             out, err = self.process.communicate()
             return Outcome(self.process.returncode, out, err, True)
+        finally:
+            self.session.cleanup()
 
 
 def run(arguments, ranks, folder, program=None, limit=None):
