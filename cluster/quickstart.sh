@@ -81,8 +81,13 @@ sh cluster/install.sh || {
 }
 run_quietly configure "Configuring build/release" cmake --preset release
 jobs=$(count_jobs)
+case $task in
+  demo) targets="--target mpm_hpc mpm_view" ;;
+  test) targets= ;;
+esac
+# shellcheck disable=SC2086  # a list of words
 run_quietly build "Building with $jobs jobs, some minutes (log: $logs/build.log)" \
-  cmake --build --preset release -j "$jobs"
+  cmake --build --preset release -j "$jobs" $targets
 
 case $task in
   demo)

@@ -18,24 +18,25 @@ void row_stage(RowParticle<T>* particles, int count, const T* tile) {
     const Row<T> w = Row<T>::spread(load_quad(r.w[Dim - 1]));
     Row<T> value = Row<T>::zero(), slope_x = Row<T>::zero();
     if constexpr (Dim == 2) {
-      for (int i = 0; i < Kernel::support; ++i) {
+      unrolled<Kernel::support>([&](auto i) {
         const Row<T> weighted = r.w[0][i] * Row<T>::load(first + i * side * node_values);
         value = value + weighted;
-        slope_x = slope_x + static_cast<T>(i - 1) * weighted;
-      }
+        slope_x = add_multiple<i - 1>(slope_x, weighted);
+      });
     } else {
       Row<T> slope_y = Row<T>::zero();
-      for (int i = 0; i < Kernel::support; ++i) {
+      unrolled<Kernel::support>([&](auto i) {
         Row<T> plane = Row<T>::zero(), tilt = Row<T>::zero();
-        for (int j = 0; j < Kernel::support; ++j) {
+        unrolled<Kernel::support>([&](auto j) {
           const Row<T> weighted = r.w[1][j] * Row<T>::load(first + (i * side + j) * side * node_values);
           plane = plane + weighted;
-          tilt = tilt + static_cast<T>(j - 1) * weighted;
-        }
-        value = value + r.w[0][i] * plane;
-        slope_x = slope_x + (static_cast<T>(i - 1) * r.w[0][i]) * plane;
+          tilt = add_multiple<j - 1>(tilt, weighted);
+        });
+        const Row<T> weighted = r.w[0][i] * plane;
+        value = value + weighted;
+        slope_x = add_multiple<i - 1>(slope_x, weighted);
         slope_y = slope_y + r.w[0][i] * tilt;
-      }
+      });
       const Quad<T> y = (w * slope_y).sum();
       std::memcpy(r.a[1], &y, sizeof(y));
     }
@@ -74,6 +75,15 @@ void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, 
     const LanePlace<Kernel, Dim, T> place(grid, first_node, columns.x, p);
     inside = inside && place.inside();
     place.write(out + (p - begin));
+    for (int a = 0; a < Dim; ++a) {
+      prefetch_next_chunk(columns.x[a], p);
+      if (pack_width<T> > 8) prefetch_next_chunk(columns.x[a] + 8, p);
+      prefetch_next_chunk(columns.v[a], p);
+    }
+    for (int a = 0; a < Dim * Dim; ++a) {
+      prefetch_next_chunk(columns.C[a], p);
+      prefetch_next_chunk(columns.F[a], p);
+    }
   }
   if (!inside) throw_drifted_out();
 }

@@ -26,6 +26,8 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
     v[a] = fields.template data<T>(core::velocity, a);
   }
   for (int a = 0; a < Dim * Dim; ++a) C[a] = fields.template data<T>(core::velocity_gradient, a);
+  const T* F[Dim * Dim];  // read by the stress of the next chunk
+  for (int a = 0; a < Dim * Dim; ++a) F[a] = fields.template data<T>(core::deformation_gradient, a);
   const T* mass = fields.template data<T>(core::mass);
   const T* volume = fields.template data<T>(core::volume);
   // Slopes are per node, hence one factor h: h A = h m C - (dt k / h) V0 tau, with D^-1 = k / h^2.
@@ -35,6 +37,17 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> place(grid.geometry, first_node, x, p);
     inside = inside && place.inside();
+    for (int a = 0; a < Dim; ++a) {
+      prefetch_next_chunk(x[a], p);
+      if (pack_width<T> > 8) prefetch_next_chunk(x[a] + 8, p);
+      prefetch_next_chunk(v[a], p);
+    }
+    for (int a = 0; a < Dim * Dim; ++a) {
+      prefetch_next_chunk(C[a], p);
+      prefetch_next_chunk(F[a], p);
+    }
+    prefetch_next_chunk(mass, p);
+    prefetch_next_chunk(volume, p);
     const S m = load<S>(mass + p);
     const S moment = m * spacing, force = load<S>(volume + p) * stress_factor;
     alignas(64) T q[4][W] = {}, slope[Dim][Dim][W];
@@ -75,19 +88,19 @@ void row_stage(const RowParticle<T>* particles, int count, T* tile) {
     const Row<T> slope_x = w * Row<T>::repeat(load_quad(r.a[0]));
     T* first = tile + r.tile_node * node_values;
     if constexpr (Dim == 2) {
-      for (int i = 0; i < Kernel::support; ++i) {
+      unrolled<Kernel::support>([&](auto i) {
         T* row = first + i * side * node_values;
-        (Row<T>::load(row) + r.w[0][i] * (centre + static_cast<T>(i - 1) * slope_x)).store(row);
-      }
+        (Row<T>::load(row) + r.w[0][i] * add_multiple<i - 1>(centre, slope_x)).store(row);
+      });
     } else {
       const Row<T> slope_y = w * Row<T>::repeat(load_quad(r.a[1]));
-      for (int i = 0; i < Kernel::support; ++i) {
-        const Row<T> plane = centre + static_cast<T>(i - 1) * slope_x;
-        for (int j = 0; j < Kernel::support; ++j) {
+      unrolled<Kernel::support>([&](auto i) {
+        const Row<T> plane = r.w[0][i] * add_multiple<i - 1>(centre, slope_x), tilt = r.w[0][i] * slope_y;
+        unrolled<Kernel::support>([&](auto j) {
           T* row = first + (i * side + j) * side * node_values;
-          (Row<T>::load(row) + (r.w[0][i] * r.w[1][j]) * (plane + static_cast<T>(j - 1) * slope_y)).store(row);
-        }
-      }
+          (Row<T>::load(row) + r.w[1][j] * add_multiple<j - 1>(plane, tilt)).store(row);
+        });
+      });
     }
   }
 }

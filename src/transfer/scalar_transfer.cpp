@@ -49,24 +49,25 @@ void gather_rows(ScalarRow<T>* rows, int count, const T* tile) {
     const Quad<T> w = load_quad(r.w[Dim - 1]);
     Quad<T> value{}, slope_x{};
     if constexpr (Dim == 2) {
-      for (int i = 0; i < Kernel::support; ++i) {
+      unrolled<Kernel::support>([&](auto i) {
         const Quad<T> weighted = r.w[0][i] * load_quad(first + i * side);
         value += weighted;
-        slope_x += static_cast<T>(i - 1) * weighted;
-      }
+        slope_x = add_multiple<i - 1>(slope_x, weighted);
+      });
     } else {
       Quad<T> slope_y{};
-      for (int i = 0; i < Kernel::support; ++i) {
+      unrolled<Kernel::support>([&](auto i) {
         Quad<T> plane{}, tilt{};
-        for (int j = 0; j < Kernel::support; ++j) {
+        unrolled<Kernel::support>([&](auto j) {
           const Quad<T> weighted = r.w[1][j] * load_quad(first + (i * side + j) * side);
           plane += weighted;
-          tilt += static_cast<T>(j - 1) * weighted;
-        }
-        value += r.w[0][i] * plane;
-        slope_x += (static_cast<T>(i - 1) * r.w[0][i]) * plane;
+          tilt = add_multiple<j - 1>(tilt, weighted);
+        });
+        const Quad<T> weighted = r.w[0][i] * plane;
+        value += weighted;
+        slope_x = add_multiple<i - 1>(slope_x, weighted);
         slope_y += r.w[0][i] * tilt;
-      }
+      });
       r.slope[1] = sum_of<T>(w * slope_y);
     }
     value *= w;
@@ -89,16 +90,17 @@ void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
       const Quad<T> sum = load_quad(row) + what;
       std::memcpy(row, &sum, sizeof(sum));
     };
-    for (int i = 0; i < Kernel::support; ++i) {
-      const Quad<T> plane = centre + static_cast<T>(i - 1) * slope_x;
+    unrolled<Kernel::support>([&](auto i) {
+      const Quad<T> plane = r.w[0][i] * add_multiple<i - 1>(centre, slope_x);
       if constexpr (Dim == 2) {
-        add(first + i * side, r.w[0][i] * plane);
+        add(first + i * side, plane);
       } else {
-        const Quad<T> slope_y = w * r.slope[1];
-        for (int j = 0; j < Kernel::support; ++j)
-          add(first + (i * side + j) * side, (r.w[0][i] * r.w[1][j]) * (plane + static_cast<T>(j - 1) * slope_y));
+        const Quad<T> tilt = r.w[0][i] * (w * r.slope[1]);
+        unrolled<Kernel::support>([&](auto j) {
+          add(first + (i * side + j) * side, r.w[1][j] * add_multiple<j - 1>(plane, tilt));
+        });
       }
-    }
+    });
   }
 }
 

@@ -46,7 +46,8 @@ class Effect {
   // Adds particle columns and grid fields; materials and (empty) bodies exist, particles don't. Throws UserError for a
   // combination that makes no sense.
   virtual void declare_fields(State<Dim>&) {}
-  // Sets its columns for new particles of a fresh run, before they are distributed. Local to each rank.
+  // Sets its columns for new particles of a fresh run, before they are distributed. Collective. Throws UserError on all
+  // ranks.
   virtual void initialise(State<Dim>&) {}
   virtual void join(StepHooks<Dim>& hooks) = 0;
 

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstring>
+#include <type_traits>
+#include <utility>
 
 namespace mpm {
 
@@ -82,6 +84,24 @@ struct Row<float> {
   friend Row operator*(Row x, Row y) { return {x.a * y.a}; }
   friend Row operator*(float s, Row x) { return {s * x.a}; }
 };
+
+// f(integral_constant<0>) ... f(integral_constant<N - 1>), written out: what depends on the number is decided when compiled.
+template <int N, class F>
+inline void unrolled(F&& f) {
+  [&f]<int... I>(std::integer_sequence<int, I...>) {
+    (f(std::integral_constant<int, I>()), ...);
+  }(std::make_integer_sequence<int, N>());
+}
+
+// sum + factor x for the small whole factors of a stencil, of which most are 0 or 1: the compiler may not leave out 0 x.
+template <int Factor, class V>
+inline V add_multiple(const V& sum, const V& x) {
+  if constexpr (Factor == 0) return sum;
+  if constexpr (Factor == 1) return sum + x;
+  if constexpr (Factor == -1) return sum - x;
+  static_assert(Factor >= -1 && Factor <= 2);
+  if constexpr (Factor == 2) return sum + x + x;
+}
 
 template <class T>
 inline Quad<T> load_quad(const T* p) {

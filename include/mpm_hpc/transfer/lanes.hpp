@@ -73,6 +73,13 @@ struct LanePlace {
   }
 };
 
+// Asks for the column's numbers of the next chunk, while this one is worked on: the transfers read more columns at a time
+// than the machine follows by itself. Past the end it asks in vain.
+template <class T>
+inline void prefetch_next_chunk(const T* column, Index p) {
+  __builtin_prefetch(column + p + chunk_particles);
+}
+
 // Throws LogicError: sorting came too late, which must never pass unnoticed because the tile would lose momentum.
 [[noreturn]] void throw_drifted_out();
 

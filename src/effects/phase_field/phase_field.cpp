@@ -62,8 +62,8 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
          {.min = 0, .min_exclusive = true, .max = 1, .max_exclusive = true, .doc = "Relative tolerance of the solve."});
   p.integer("max_iterations", solver_options_.max_iterations, {.min = 1, .doc = "Largest number of PCG iterations."});
   p.section_list("crack", SectionOptions("A region that is broken from the start."), [this](Parameters& q, int) {
-    cracks_.emplace_back();
-    declare_shape<Dim>(q, "shape", cracks_.back(), true, "Particles inside start with c = 0.");
+    cracks_.push_back({q.where(), {}});
+    declare_shape<Dim>(q, "shape", cracks_.back().shape, true, "Particles inside start with c = 0.");
   });
 }
 
@@ -131,6 +131,7 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
 
 template <int Dim>
 void PhaseField<Dim>::initialise(State<Dim>& state) {
+  std::vector<Real> particles(cracks_.size(), 0);
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for (const BodyPart& part : parts_) {
@@ -139,13 +140,23 @@ void PhaseField<Dim>::initialise(State<Dim>& state) {
       for (Index p = 0; p < f.size(); ++p) {
         Vec<Dim> x;
         for (int a = 0; a < Dim; ++a) x[a] = f.template data<Real>(core::position, a)[p];
-        const bool cracked =
-            std::any_of(cracks_.begin(), cracks_.end(), [&x](const Shape<Dim>& s) { return s.contains(x); });
+        bool cracked = false;
+        for (std::size_t n = 0; n < cracks_.size(); ++n)
+          if (cracks_[n].shape.contains(x)) {
+            cracked = true;
+            ++particles[n];
+          }
         phase[p] = cracked ? T(0) : T(1);
         if (cracked) f.template data<T>(part.history)[p] = static_cast<T>(part.law.energy_for(cracked_equilibrium));
       }
     }
   });
+  state.communicator().sum(particles);
+  for (std::size_t n = 0; n < cracks_.size(); ++n)
+    require(particles[n] > 0,
+            "{}: the crack holds no particle of a body that can fracture; make it at least {:.3g} m wide, move it onto the "
+            "body, or refine grid.spacing",
+            cracks_[n].where, state.geometry().spacing());
 }
 
 template <int Dim>

@@ -51,7 +51,11 @@ class PhaseField final : public Effect<Dim> {
   bool running_maximum_ = false, corrected_ = true, lumped_ = false, by_increment_ = false;
   std::string operator_ = "auto";
   LinearSolverOptions solver_options_;
-  std::vector<Shape<Dim>> cracks_;
+  struct Crack {
+    std::string where;  // in the scene file
+    Shape<Dim> shape;
+  };
+  std::vector<Crack> cracks_;
   std::string where_;
 
   std::vector<BodyPart> parts_;
