@@ -19,7 +19,7 @@ struct alignas(64) CellParticle {
   T w[3][4];   // weights by direction
   T q[4];      // the scattered values
   T centre[3]; // as in LanePlace
-  T conductivity, reaction;
+  T conductivity, reaction;  // behind centre, to be written with it
   int tile_node;
 };
 
@@ -78,7 +78,7 @@ class StencilTile {
 
   // Moves the sums to the grid.
   void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* stencil, T* diagonal, std::vector<char>& touched) {
-    find_rows(topology, slot, touched);
+    find_rows(topology, slot, stencil, touched);
     for (int plane = 0; plane < Stencil::planes; ++plane) {
       const int o[2] = {Dim == 2 ? plane : plane / Stencil::offsets, plane % Stencil::offsets};
       T* out = stencil + plane * Stencil::offsets * Stencil::nodes;
@@ -103,7 +103,7 @@ class StencilTile {
     int row, t[2];
     std::ptrdiff_t block[3], node;
   };
-  void find_rows(const BlockTopology<Dim>& topology, Slot slot, std::vector<char>& touched) {
+  void find_rows(const BlockTopology<Dim>& topology, Slot slot, T* stencil, std::vector<char>& touched) {
     const Slot* around = topology.neighbours(slot);
     used_rows_ = 0;
     for (int row = 0; row < rows; ++row) {
@@ -120,7 +120,9 @@ class StencilTile {
       for (int part = 0; part < 3; ++part) {
         const bool has = first_of(part) < upper_[Dim - 1] && first_of(part + 1) > lower_[Dim - 1];
         r.block[part] = has ? around[3 * neighbour + part] : no_slot;
-        if (has) touched[static_cast<std::size_t>(r.block[part])] = 1;
+        if (!has || touched[static_cast<std::size_t>(r.block[part])]) continue;
+        touched[static_cast<std::size_t>(r.block[part])] = 1;
+        std::memset(stencil + r.block[part] * Stencil::block_values, 0, Stencil::block_values * sizeof(T));
       }
       used_[used_rows_++] = r;
     }
@@ -322,13 +324,18 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
           inside = inside && lanes.inside();
           CellParticle<T>* out = particles.data() + (p - batch);
           lanes.write(out);
-          for (int l = 0; l < W; ++l) {
-            const Index i = p - begin + l;
-            for (int a = 0; a < Dim; ++a) out[l].centre[a] = lanes.centre[a][l];
-            for (int c = 0; c < node_values; ++c) out[l].q[c] = q[c][i];
-            out[l].conductivity = scale2 * conductivity[i];
-            out[l].reaction = reaction[i];
+          constexpr int stride = row_stride<CellParticle<T>, T>;
+          alignas(64) T centre[3][W] = {};
+          const Index i = p - begin;
+          for (int a = 0; a < Dim; ++a) {
+            store(centre[a], lanes.centre[a]);
+            prefetch_next_chunk(x[a], p);
+            if (W > 8) prefetch_next_chunk(x[a] + 8, p);
           }
+          for (Index l = i; l < i + W; ++l) conductivity[l] *= scale2;
+          packs_to_quads<T, W>(q[0] + i, q[1] + i, q[2] + i, q[3] + i, out->q, stride);
+          packs_to_quads<T, W>(centre[0], centre[1], centre[2], conductivity + i, out->centre, stride);
+          for (int l = 0; l < W; ++l) out[l].reaction = reaction[i + l];
         }
       }
       if (!inside) throw_drifted_out();

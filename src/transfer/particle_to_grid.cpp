@@ -50,7 +50,7 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
     prefetch_next_chunk(volume, p);
     const S m = load<S>(mass + p);
     const S moment = m * spacing, force = load<S>(volume + p) * stress_factor;
-    alignas(64) T q[4][W] = {}, slope[Dim][Dim][W];
+    alignas(64) T q[4][W] = {}, slope[Dim][4][W] = {};
     S momentum[Dim];
     for (int a = 0; a < Dim; ++a) momentum[a] = m * load<S>(v[a] + p);
     for (int a = 0; a < Dim; ++a)
@@ -65,12 +65,10 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
 
     RowParticle<T>* rows = out + (p - begin);
     place.write(rows);
-    for (int l = 0; l < W; ++l) {
-      RowParticle<T>& r = rows[l];
-      for (int c = 0; c <= Dim; ++c) r.q[c] = q[c][l];
-      for (int b = 0; b < Dim; ++b)
-        for (int a = 0; a < Dim; ++a) r.a[b][a] = slope[b][a][l];
-    }
+    constexpr int stride = row_stride<RowParticle<T>, T>;
+    packs_to_quads<T, W>(q[0], q[1], q[2], q[3], rows[0].q, stride);
+    for (int b = 0; b < Dim; ++b)
+      packs_to_quads<T, W>(slope[b][0], slope[b][1], slope[b][2], slope[b][3], rows[0].a[b], stride);
   }
   if (!inside) throw_drifted_out();
 }

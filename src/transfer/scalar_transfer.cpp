@@ -33,6 +33,10 @@ void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, con
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> lanes(geometry, first_node, x, p);
     inside = inside && lanes.inside();
+    for (int a = 0; a < Dim; ++a) {
+      prefetch_next_chunk(x[a], p);
+      if (W > 8) prefetch_next_chunk(x[a] + 8, p);
+    }
     for (int a = 0; a < Dim; ++a) store(centre[a] + (p - begin), lanes.centre[a]);
     lanes.write(rows + (p - begin));
   }

@@ -197,26 +197,26 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
 TYPED_TEST(PhaseField, SurvivesMigration) {
   constexpr int Dim = TypeParam::value;
   for (const char* form : {"assembled", "stencil"}) {
-  test::SceneWorld<Dim> world(scene_text<Dim>(fmt::format("mobility = 0.5\noperator = \"{}\"\n", form)));
-  deform(world);
-  world.state.dt = 1;
-  world.run_effects();
-  const Real middle = Dim == 2 ? 7 : 4.5;
-  world.for_particles([&](Body<Dim>& body, Index p) {  // mirrored in x
-    Real& x = body.particles.template data<Real>(core::position, 0)[p];
-    x = middle - x;
-  });
-  sort_particles(world.state, OrderWithinCell::canonical);
-  const auto before = gather_all(world);
-  world.run_effects();
-  const auto after = gather_all(world);
-  const auto expected = dense_step(world.state.geometry(), before, {false, 0.5});
-  Real worst = 0;
-  for (const auto& [id, p] : after) worst = std::max(worst, std::abs(p.phase - expected.at(id)));
-  EXPECT_LT(worst, 1e-10);
-  if (test::size() > 1) {
-    EXPECT_GT(world.state.communicator().sum(world.state.distribution.migrated()), 0);
-  }
+    test::SceneWorld<Dim> world(scene_text<Dim>(fmt::format("mobility = 0.5\noperator = \"{}\"\n", form)));
+    deform(world);
+    world.state.dt = 1;
+    world.run_effects();
+    const Real middle = Dim == 2 ? 7 : 4.5;
+    world.for_particles([&](Body<Dim>& body, Index p) {  // mirrored in x
+      Real& x = body.particles.template data<Real>(core::position, 0)[p];
+      x = middle - x;
+    });
+    sort_particles(world.state, OrderWithinCell::canonical);
+    const auto before = gather_all(world);
+    world.run_effects();
+    const auto after = gather_all(world);
+    const auto expected = dense_step(world.state.geometry(), before, {false, 0.5});
+    Real worst = 0;
+    for (const auto& [id, p] : after) worst = std::max(worst, std::abs(p.phase - expected.at(id)));
+    EXPECT_LT(worst, 1e-10);
+    if (test::size() > 1) {
+      EXPECT_GT(world.state.communicator().sum(world.state.distribution.migrated()), 0);
+    }
   }
 }
 

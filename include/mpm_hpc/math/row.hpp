@@ -110,4 +110,44 @@ inline Quad<T> load_quad(const T* p) {
   return q;
 }
 
+namespace detail {
+
+// Lanes of W, taken in pairs of Step from two packs: the shuffles of the two halves of a transpose.
+template <int Step, int Half, int W, int... I, class V>
+inline V interleave(const V& a, const V& b, std::integer_sequence<int, I...>) {
+  return __builtin_shufflevector(a, b,
+                                 (Half * W / 2 + I / (2 * Step) * Step + I % Step + (I / Step % 2 == 1 ? W : 0))...);
+}
+
+}  // namespace detail
+
+// Four packs of W numbers become W quads, quad l made of the lanes l, the one after the other `stride` numbers apart: from
+// the lane stage's order to the row stage's. The packs are arrays of W numbers.
+template <class T, int W>
+inline void packs_to_quads(const T* a, const T* b, const T* c, const T* d, T* quads, int stride) {
+#ifdef __AVX512F__
+  using V __attribute__((vector_size(W * sizeof(T)))) = T;
+  constexpr auto lanes = std::make_integer_sequence<int, W>();
+  V p[4], ab[2], cd[2];
+  std::memcpy(&p[0], a, sizeof(V));
+  std::memcpy(&p[1], b, sizeof(V));
+  std::memcpy(&p[2], c, sizeof(V));
+  std::memcpy(&p[3], d, sizeof(V));
+  ab[0] = detail::interleave<1, 0, W>(p[0], p[1], lanes);
+  ab[1] = detail::interleave<1, 1, W>(p[0], p[1], lanes);
+  cd[0] = detail::interleave<1, 0, W>(p[2], p[3], lanes);
+  cd[1] = detail::interleave<1, 1, W>(p[2], p[3], lanes);
+  V q[4] = {detail::interleave<2, 0, W>(ab[0], cd[0], lanes), detail::interleave<2, 1, W>(ab[0], cd[0], lanes),
+            detail::interleave<2, 0, W>(ab[1], cd[1], lanes), detail::interleave<2, 1, W>(ab[1], cd[1], lanes)};
+  for (int n = 0; n < 4; ++n)
+    for (int l = 0; l < W / 4; ++l)
+      std::memcpy(quads + (n * (W / 4) + l) * stride, reinterpret_cast<const T*>(&q[n]) + 4 * l, 4 * sizeof(T));
+#else
+  for (int l = 0; l < W; ++l) {
+    const Quad<T> q{a[l], b[l], c[l], d[l]};
+    std::memcpy(quads + l * stride, &q, sizeof(q));
+  }
+#endif
+}
+
 }  // namespace mpm

@@ -15,12 +15,28 @@ class CellOrder {
   // cell_of(p) in [0, Cells) for p in [0, count), count < 65536.
   template <class CellOf>
   void build(int count, CellOf&& cell_of) {
-    start_.fill(0);
-    for (int p = 0; p < count; ++p) ++start_[cell_of(p) + 1];
-    for (int c = 0; c < Cells; ++c) start_[c + 1] = static_cast<std::uint16_t>(start_[c + 1] + start_[c]);
+    // Two streams, because neighbours in the order are mostly of one cell, and each would wait for the other's counter.
+    const int half = count / 2;
+    count_.fill({0, 0});
+    for (int p = 0; p < half; ++p) {
+      ++count_[cell_of(p)][0];
+      ++count_[cell_of(half + p)][1];
+    }
+    if (count % 2 != 0) ++count_[cell_of(count - 1)][1];
+    int sum = 0;
+    for (int c = 0; c < Cells; ++c) {
+      start_[c] = static_cast<std::uint16_t>(sum);
+      const int first = count_[c][0], second = count_[c][1];
+      count_[c] = {static_cast<std::uint16_t>(sum), static_cast<std::uint16_t>(sum + first)};
+      sum += first + second;
+    }
+    start_[Cells] = static_cast<std::uint16_t>(sum);
     if (order_.size() < static_cast<std::size_t>(count)) order_.resize(count);
-    next_ = start_;
-    for (int p = 0; p < count; ++p) order_[next_[cell_of(p)]++] = static_cast<std::uint16_t>(p);
+    for (int p = 0; p < half; ++p) {
+      order_[count_[cell_of(p)][0]++] = static_cast<std::uint16_t>(p);
+      order_[count_[cell_of(half + p)][1]++] = static_cast<std::uint16_t>(half + p);
+    }
+    if (count % 2 != 0) order_[count_[cell_of(count - 1)][1]++] = static_cast<std::uint16_t>(count - 1);
   }
 
   // f(cell, particles, count) for each cell that has particles, in ascending order.
@@ -31,7 +47,8 @@ class CellOrder {
   }
 
  private:
-  std::array<std::uint16_t, Cells + 1> start_, next_;
+  std::array<std::uint16_t, Cells + 1> start_;
+  std::array<std::array<std::uint16_t, 2>, Cells> count_;  // then the next place, of either stream
   std::vector<std::uint16_t> order_;
 };
 

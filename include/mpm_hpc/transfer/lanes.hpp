@@ -18,6 +18,10 @@ struct alignas(64) RowParticle {
   int tile_node; // first node of the stencil in the tile
 };
 
+// Numbers from one particle's row to the next.
+template <class RowOfParticle, class T>
+inline constexpr int row_stride = sizeof(RowOfParticle) / sizeof(T);
+
 // Position of W particles in the tile, by direction: first stencil node and weights.
 template <class Kernel, int Dim, class T>
 struct LanePlace {
@@ -49,19 +53,17 @@ struct LanePlace {
     return node;
   }
 
-  // Hands each lane's node and weights to its row; RowOfParticle has w[direction][node] and tile_node.
+  // Hands each lane's node and weights to its row; RowOfParticle has w[direction][4] and tile_node.
   template <class RowOfParticle>
   void write(RowOfParticle* rows) const {
     constexpr int W = PackTraits<S>::width;
-    alignas(64) T node[W], weight[Dim][Kernel::support][W];
-    store(node, tile_node());
-    for (int a = 0; a < Dim; ++a)
-      for (int n = 0; n < Kernel::support; ++n) store(weight[a][n], w[a][n]);
-    for (int l = 0; l < W; ++l) {
-      for (int a = 0; a < Dim; ++a)
-        for (int n = 0; n < Kernel::support; ++n) rows[l].w[a][n] = weight[a][n][l];
-      rows[l].tile_node = static_cast<int>(node[l]);
+    alignas(64) T node[W], weight[4][W] = {};
+    for (int a = 0; a < Dim; ++a) {
+      for (int n = 0; n < Kernel::support; ++n) store(weight[n], w[a][n]);
+      packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], rows[0].w[a], row_stride<RowOfParticle, T>);
     }
+    store(node, tile_node());
+    for (int l = 0; l < W; ++l) rows[l].tile_node = static_cast<int>(node[l]);
   }
 
   // False in the lanes' product if a stencil ends outside the tile.

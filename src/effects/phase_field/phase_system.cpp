@@ -53,14 +53,7 @@ void PhaseSystem<Dim>::begin(const State<Dim>& state) {
   const std::size_t block = OperatorStencil<Kernel, Dim>::block_values *
                             (state.precision == Precision::single_precision ? sizeof(float) : sizeof(double));
   const auto blocks = static_cast<std::size_t>(state.topology().size());
-  if (entries_sort_ != state.distribution.sorts()) {
-    entries_sort_ = state.distribution.sorts();
-    entries_.allocate(blocks * block, 0);
-    std::memset(entries_.data(), 0, blocks * block);
-  } else {
-    for (std::size_t s = 0; s < blocks; ++s)
-      if (touched_[s]) std::memset(static_cast<char*>(entries_.data()) + s * block, 0, block);
-  }
+  entries_.allocate(blocks * block, 0);
   touched_.assign(blocks, 0);
 }
 

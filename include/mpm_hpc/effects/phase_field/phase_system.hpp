@@ -83,7 +83,6 @@ class PhaseSystem {
   // The operator's stencil, this rank's part of the sum; blocks that it has entries in, and of them those that no ghost
   // has to do with, and the others.
   AlignedBuffer entries_;
-  int entries_sort_ = -1;
   std::vector<char> touched_;
   std::vector<Slot> inner_, edge_;
   SparseRows matrix_;
