@@ -28,11 +28,13 @@ void FieldSet::resize(Index size) {
     const std::size_t needed = width * static_cast<std::size_t>(size);
     for (int c = 0; c < column.traits.components; ++c) {
       AlignedBuffer& buffer = column.components[c];
-      if (buffer.data() && needed <= buffer.capacity()) continue;
-      // A little slack, so that a few arriving particles don't reallocate every column.
-      AlignedBuffer larger(needed + needed / 32, (column.first_stagger + c) * stagger_step);
-      if (size_ > 0) std::memcpy(larger.data(), buffer.data(), width * static_cast<std::size_t>(size_));
-      buffer.swap(larger);
+      if (!buffer.data() || needed > buffer.capacity()) {
+        // A little slack, so that a few arriving particles don't reallocate every column.
+        AlignedBuffer larger(needed + needed / 32, (column.first_stagger + c) * stagger_step);
+        if (size_ > 0) std::memcpy(larger.data(), buffer.data(), width * static_cast<std::size_t>(size_));
+        buffer.swap(larger);
+      }
+      buffer.fence(needed);
     }
   }
   size_ = size;

@@ -23,6 +23,14 @@ struct LinearSolver::Impl {
   std::exception_ptr fault;  // thrown inside a callback, where PETSc's frames must not be unwound
   std::size_t matrix_bytes = 0, vector_bytes = 0;
 
+  // Here and not in ~LinearSolver, which doesn't run when its constructor refuses an option.
+  ~Impl() {
+    MatDestroy(&matrix);
+    VecDestroy(&rhs);
+    VecDestroy(&solution);
+    KSPDestroy(&ksp);
+  }
+
   // PETSc calls these; they answer with codes.
   static PetscErrorCode multiply(::Mat shell, ::Vec x, ::Vec y) {
     void* context = nullptr;
@@ -112,12 +120,7 @@ std::string LinearSolver::preconditioner_of_entries(const std::string& prefix) {
   return name == PCJACOBI || name == PCNONE || name == PCSHELL ? "" : name;
 }
 
-LinearSolver::~LinearSolver() {
-  MatDestroy(&impl_->matrix);
-  VecDestroy(&impl_->rhs);
-  VecDestroy(&impl_->solution);
-  KSPDestroy(&impl_->ksp);
-}
+LinearSolver::~LinearSolver() = default;
 
 GlobalIndex LinearSolver::set_rows(int local_rows) {
   Impl& s = *impl_;

@@ -6,6 +6,10 @@
 #include <new>
 #include <utility>
 
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/asan_interface.h>
+#endif
+
 namespace mpm {
 
 // Streams whose bases differ by a multiple of 4096 B compete for one L1 set; stagger_lines moves the base of each
@@ -34,11 +38,18 @@ class AlignedBuffer {
       }
       allocated_ = total;
     }
-    stagger(stagger_lines);
+    data_ = static_cast<char*>(raw_) + (static_cast<std::size_t>(stagger_lines) * line) % page;
+    fence(bytes);
   }
 
-  // Moves the base to another cache line; the contents don't move with it.
-  void stagger(int lines) { data_ = static_cast<char*>(raw_) + (static_cast<std::size_t>(lines) * line) % page; }
+  // Says that only so many bytes from the base on are in use. It costs nothing without the address sanitizer, which
+  // would take an overrun into the room for staggering or for growth for a good access.
+  void fence([[maybe_unused]] std::size_t bytes) {
+#ifdef __SANITIZE_ADDRESS__
+    __asan_poison_memory_region(raw_, allocated_);
+    __asan_unpoison_memory_region(data_, bytes);
+#endif
+  }
 
   void swap(AlignedBuffer& other) noexcept {
     std::swap(raw_, other.raw_);
