@@ -88,6 +88,7 @@ class Production {
   void steps(int count) {
     for (int i = 0; i < count; ++i) {
       state_.dt = integrator_->stable_step(state_);
+      state_.observed = i == count - 1;
       integrator_->step(state_);
     }
   }

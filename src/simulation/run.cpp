@@ -264,6 +264,8 @@ void Run<Dim>::loop() {
     const Real target = next_event();
     state_.dt = choose_step();
     state_.stop_requested = stop_was_requested();
+    state_.observed = state_.time + state_.dt >= target - time_tolerance * state_.dt ||
+                      state_.step + 1 - totals_.first_step >= steps || state_.stop_requested;
     const Clock::time_point step_began = Clock::now();
     integrator_->step(state_);
     totals_.step_seconds += seconds_since(step_began);

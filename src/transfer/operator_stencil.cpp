@@ -14,13 +14,13 @@ constexpr int batch_particles = 2048;
 // Particles of a cell whose factors wait in L1 while the sums stay in registers.
 constexpr int group_particles = 8;
 
-template <class T>
+// In double one cache line, or two with four values: what a cell needs of a particle comes from L2.
+template <class T, int Values>
 struct alignas(64) CellParticle {
-  T w[3][4];   // weights by direction
-  T q[4];      // the scattered values
-  T centre[3]; // as in LanePlace
-  T conductivity, reaction;  // behind centre, to be written with it
-  int tile_node;
+  T centre[3];     // as in LanePlace
+  T conductivity;  // behind centre, to be written with it
+  T q[Values];     // the scattered values
+  T reaction;      // likewise behind a single value
 };
 
 // Lane n * support + o of a register belongs to the pair of nodes n and n + o of one direction. That is also their place
@@ -63,11 +63,13 @@ class StencilTile {
   static constexpr int side = Tile<Kernel, Dim, T>::side;
   static constexpr int rows = Tile<Kernel, Dim, T>::rows;
   static constexpr int line = (side * Kernel::support + 7) / 8 * 8;
+  // Not a multiple of 4 KiB, or the entries of a row would compete for one L1 set.
+  static constexpr int plane_stride = rows * line + 56;
 
-  StencilTile() : data_(static_cast<std::size_t>(rows) * Stencil::planes * line, T(0)) { forget(); }
+  StencilTile() : data_(static_cast<std::size_t>(Stencil::planes) * plane_stride, T(0)) { forget(); }
 
   // Entries of the first node of `row` (or behind it) with the offsets of `plane`.
-  T* at(int row, int plane, int node) { return data_.data() + (plane * rows + row) * line + node * Kernel::support; }
+  T* at(int row, int plane, int node) { return data_.data() + plane * plane_stride + row * line + node * Kernel::support; }
 
   void include(const int* first_node) {
     for (int a = 0; a < Dim; ++a) {
@@ -176,24 +178,33 @@ class StencilTile {
   int lower_[Dim], upper_[Dim];  // of the nodes that have entries
 };
 
+// A row of nodes with one value each, as Row is one with four.
+template <class T>
+struct ScalarLine {
+  Quad<T> q;
+  friend ScalarLine operator+(ScalarLine x, ScalarLine y) { return {x.q + y.q}; }
+  friend ScalarLine operator*(T s, ScalarLine x) { return {s * x.q}; }
+};
+
 // Sums of the particles of one cell. A particle's entries are the outer product of factors over the pairs of nodes in the
 // last direction with factors over those in the others: with W = w_n w_m and K = (w_n d_n)(w_m d_m) by direction, d_n the
 // distance to node n in spacings,
 //   A = W_x W_y (a W_z + k K_z) + (K_x W_y + W_x K_y) k W_z,  in 2D without y.
-template <class Kernel, int Dim, class T>
+template <class Kernel, int Dim, class T, int Values>
 class CellSums {
  public:
   using Pairs = PairLanes<Kernel, T>;
   using V = typename Pairs::V;
+  using Line = std::conditional_t<Values == 1, ScalarLine<T>, Row<T>>;  // a row of nodes
   static constexpr int pairs = Pairs::pairs;
   static constexpr int outer = Dim == 2 ? 1 : pairs;  // registers of the factors over all but the last direction
 
-  void add(const CellParticle<T>* particles, const std::uint16_t* of_cell, int count, Tile<Kernel, Dim, T>& values,
+  void add(const CellParticle<T, Values>* particles, const std::uint16_t* of_cell, int count, Tile<Kernel, Dim, T, Values>& values,
            StencilTile<Kernel, Dim, T>& stencil, int tile_node) {
     for (int begin = 0; begin < count; begin += group_particles) {
       const int group = std::min(count - begin, group_particles);
       for (int i = 0; i < group; ++i) factors(particles[of_cell[begin + i]], i);
-      add_values(group, values.data + tile_node * node_values);
+      add_values(group, values.data + tile_node * Values);
       constexpr int side = StencilTile<Kernel, Dim, T>::side;
       const int z = tile_node % side, row = tile_node / side;
 #ifdef __AVX512F__
@@ -206,14 +217,14 @@ class CellSums {
   }
 
  private:
-  void factors(const CellParticle<T>& p, int i) {
+  void factors(const CellParticle<T, Values>& p, int i) {
     constexpr int last = Dim - 1;
+    Quad<T> w[Dim];
     V W[Dim], K[Dim];
     for (int a = 0; a < Dim; ++a) {
-      const Quad<T> w = load_quad(p.w[a]);
-      const Quad<T> u = w * (p.centre[a] + Quad<T>{-1, 0, 1, 2});
-      W[a] = Pairs::products(w);
-      K[a] = Pairs::products(u);
+      w[a] = Kernel::weight_quad(1 - p.centre[a]);
+      W[a] = Pairs::products(w[a]);
+      K[a] = Pairs::products(w[a] * (p.centre[a] + Quad<T>{-1, 0, 1, 2}));
     }
     inner_[i][0] = p.reaction * W[last] + p.conductivity * K[last];
     inner_[i][1] = p.conductivity * W[last];
@@ -227,28 +238,34 @@ class CellSums {
         outer_[i][1][k] = K[0][Pairs::lane(k)] * W[1] + W[0][Pairs::lane(k)] * K[1];
       }
     }
-    const Row<T> w = Row<T>::spread(load_quad(p.w[last]));
-    row_[i] = w * Row<T>::repeat(load_quad(p.q));
+    if constexpr (Values == 1) {
+      row_[i] = {p.q[0] * w[last]};
+    } else {
+      row_[i] = Row<T>::spread(w[last]) * Row<T>::repeat(load_quad(p.q));
+    }
     for (int n = 0; n < Kernel::support; ++n) {
-      const Quad<T> weights = Dim == 2 ? Quad<T>{p.w[0][n]} : p.w[0][n] * load_quad(p.w[1]);
+      const Quad<T> weights = Dim == 2 ? Quad<T>{w[0][n]} : w[0][n] * w[1];
       std::memcpy(row_weight_[i][n], &weights, sizeof(weights));
     }
   }
 
   void add_values(int group, T* first) {
     constexpr int side = Tile<Kernel, Dim, T>::side, support = Kernel::support, columns = Dim == 2 ? 1 : support;
-    Row<T> sum[support * columns];
+    Line sum[support * columns];
 #pragma GCC unroll 16
-    for (int n = 0; n < support * columns; ++n) sum[n] = Row<T>::zero();
+    for (int n = 0; n < support * columns; ++n) std::memset(&sum[n], 0, sizeof(Line));
     for (int i = 0; i < group; ++i) {
-      const Row<T> values = row_[i];
+      const Line values = row_[i];
 #pragma GCC unroll 16
       for (int n = 0; n < support * columns; ++n) sum[n] = sum[n] + row_weight_[i][n / columns][n % columns] * values;
     }
 #pragma GCC unroll 16
     for (int n = 0; n < support * columns; ++n) {
-      T* row = first + (Dim == 2 ? n * side : (n / columns * side + n % columns) * side) * node_values;
-      (Row<T>::load(row) + sum[n]).store(row);
+      T* row = first + (Dim == 2 ? n : n / columns * side + n % columns) * side * Values;
+      Line old;
+      std::memcpy(&old, row, sizeof(Line));
+      old = old + sum[n];
+      std::memcpy(row, &old, sizeof(Line));
     }
   }
 
@@ -284,22 +301,24 @@ class CellSums {
   }
 
   V outer_[group_particles][2][outer], inner_[group_particles][2];
-  Row<T> row_[group_particles];
+  Line row_[group_particles];
   T row_weight_[group_particles][Kernel::support][4];
 };
 
 }  // namespace
 
-template <class Kernel, int Dim, class T>
+template <class Kernel, int Values, int Dim, class T>
 void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
                                 ValueSource<T>& source, T* nodes, T* diagonal, T* stencil, std::vector<char>& touched) {
-  using NodeTile = Tile<Kernel, Dim, T>;
+  using NodeTile = Tile<Kernel, Dim, T, Values>;
   constexpr int W = pack_width<T>;
   NodeTile tile;
   StencilTile<Kernel, Dim, T> stencil_tile;
-  CellSums<Kernel, Dim, T> sums;
+  CellSums<Kernel, Dim, T, Values> sums;
   CellOrder<NodeTile::nodes> cells;
-  std::vector<CellParticle<T>> particles(batch_particles);
+  using Particle = CellParticle<T, Values>;
+  std::vector<Particle> particles(batch_particles);
+  std::vector<std::uint16_t> cell_of(batch_particles);
   alignas(64) T storage[node_values + 2][chunk_particles];
   T* q[node_values];
   for (int c = 0; c < node_values; ++c) q[c] = storage[c];
@@ -322,10 +341,9 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
         for (Index p = begin; p < end; p += W) {
           const LanePlace<Kernel, Dim, T> lanes(grid.geometry, first_node, x, p);
           inside = inside && lanes.inside();
-          CellParticle<T>* out = particles.data() + (p - batch);
-          lanes.write(out);
-          constexpr int stride = row_stride<CellParticle<T>, T>;
-          alignas(64) T centre[3][W] = {};
+          Particle* out = particles.data() + (p - batch);
+          constexpr int stride = row_stride<Particle, T>;
+          alignas(64) T centre[3][W] = {}, cell[W];
           const Index i = p - begin;
           for (int a = 0; a < Dim; ++a) {
             store(centre[a], lanes.centre[a]);
@@ -333,13 +351,19 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
             if (W > 8) prefetch_next_chunk(x[a] + 8, p);
           }
           for (Index l = i; l < i + W; ++l) conductivity[l] *= scale2;
-          packs_to_quads<T, W>(q[0] + i, q[1] + i, q[2] + i, q[3] + i, out->q, stride);
           packs_to_quads<T, W>(centre[0], centre[1], centre[2], conductivity + i, out->centre, stride);
-          for (int l = 0; l < W; ++l) out[l].reaction = reaction[i + l];
+          if constexpr (Values == 1) {
+            packs_to_quads<T, W>(q[0] + i, reaction + i, q[0] + i, q[0] + i, out->q, stride);
+          } else {
+            packs_to_quads<T, W>(q[0] + i, q[1] + i, q[2] + i, q[3] + i, out->q, stride);
+            for (int l = 0; l < W; ++l) out[l].reaction = reaction[i + l];
+          }
+          store(cell, lanes.tile_node());
+          for (int l = 0; l < W; ++l) cell_of[p - batch + l] = static_cast<std::uint16_t>(static_cast<int>(cell[l]));
         }
       }
       if (!inside) throw_drifted_out();
-      cells.build(static_cast<int>(batch_end - batch), [&particles](int p) { return particles[p].tile_node; });
+      cells.build(static_cast<int>(batch_end - batch), [&cell_of](int p) { return cell_of[p]; });
       cells.for_each_cell([&](int cell, const std::uint16_t* of_cell, int count) {
         constexpr int side = NodeTile::side;
         const int first[3] = {Dim == 2 ? cell / side : cell / (side * side), Dim == 2 ? cell % side : cell / side % side,
@@ -353,14 +377,18 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
   }
 }
 
-#define MPM_INSTANTIATE(Dim, T)                                                                                         \
-  template void scatter_values_and_stencil<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,           \
-                                                                    const std::vector<int>&, ValueSource<T>&, T*, T*, T*, \
-                                                                    std::vector<char>&);
-MPM_INSTANTIATE(2, float)
-MPM_INSTANTIATE(2, double)
-MPM_INSTANTIATE(3, float)
-MPM_INSTANTIATE(3, double)
+#define MPM_INSTANTIATE(Dim, T, Values)                                                                                 \
+  template void scatter_values_and_stencil<QuadraticKernel, Values, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,   \
+                                                                            const std::vector<int>&, ValueSource<T>&,   \
+                                                                            T*, T*, T*, std::vector<char>&);
+MPM_INSTANTIATE(2, float, 1)
+MPM_INSTANTIATE(2, float, node_values)
+MPM_INSTANTIATE(2, double, 1)
+MPM_INSTANTIATE(2, double, node_values)
+MPM_INSTANTIATE(3, float, 1)
+MPM_INSTANTIATE(3, float, node_values)
+MPM_INSTANTIATE(3, double, 1)
+MPM_INSTANTIATE(3, double, node_values)
 #undef MPM_INSTANTIATE
 
 }  // namespace mpm

@@ -81,6 +81,27 @@ void gather_rows(ScalarRow<T>* rows, int count, const T* tile) {
   }
 }
 
+// value = sum w x alone.
+template <class Kernel, int Dim, class T>
+void gather_value_rows(ScalarRow<T>* rows, int count, const T* tile) {
+  constexpr int side = Tile<Kernel, Dim, T, 1>::side;
+  for (int p = 0; p < count; ++p) {
+    ScalarRow<T>& r = rows[p];
+    const T* first = tile + r.tile_node;
+    Quad<T> value{};
+    unrolled<Kernel::support>([&](auto i) {
+      if constexpr (Dim == 2) {
+        value += r.w[0][i] * load_quad(first + i * side);
+      } else {
+        Quad<T> plane{};
+        unrolled<Kernel::support>([&](auto j) { plane += r.w[1][j] * load_quad(first + (i * side + j) * side); });
+        value += r.w[0][i] * plane;
+      }
+    });
+    r.value = sum_of<T>(value * load_quad(r.w[Dim - 1]));
+  }
+}
+
 // tile += w (value + sum_b (n_b - 1) slope[b]).
 template <class Kernel, int Dim, class T>
 void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
@@ -223,9 +244,11 @@ void apply_operator(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
   }
 }
 
-template <class Kernel, int Dim, class T>
-void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
-                   ValueSink<T>& sink) {
+namespace {
+
+template <class Kernel, bool WithGradient, int Dim, class T>
+void gather(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
+            ValueSink<T>& sink) {
   Tile<Kernel, Dim, T, 1> tile;
   std::vector<ScalarRow<T>> rows(chunk_particles);
   alignas(64) T centre[Dim][chunk_particles], value[chunk_particles];
@@ -241,15 +264,32 @@ void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std
       const Index end = std::min<Index>(begin + chunk_particles, range.end);
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
-      gather_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
-      for (Index p = 0; p < end - begin; ++p) {
-        value[p] = rows[p].value;
-        for (int a = 0; a < Dim; ++a)
-          gradient_storage[a][p] = scale * (rows[p].slope[a] + centre[a][p] * rows[p].value);
+      if constexpr (WithGradient) {
+        gather_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
+        for (Index p = 0; p < end - begin; ++p)
+          for (int a = 0; a < Dim; ++a)
+            gradient_storage[a][p] = scale * (rows[p].slope[a] + centre[a][p] * rows[p].value);
+      } else {
+        gather_value_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
       }
-      sink.values(begin, end, value, gradient);
+      for (Index p = 0; p < end - begin; ++p) value[p] = rows[p].value;
+      sink.values(begin, end, value, WithGradient ? gradient : nullptr);
     }
   }
+}
+
+}  // namespace
+
+template <class Kernel, int Dim, class T>
+void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
+                   ValueSink<T>& sink) {
+  gather<Kernel, true>(grid, body, ranges, x, sink);
+}
+
+template <class Kernel, int Dim, class T>
+void gather_value(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
+                  ValueSink<T>& sink) {
+  gather<Kernel, false>(grid, body, ranges, x, sink);
 }
 
 #define MPM_INSTANTIATE(Dim, T)                                                                                     \
@@ -259,7 +299,9 @@ void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std
                                                         const std::vector<int>&, const OperatorColumns<T>&,         \
                                                         const T*, T*);                                              \
   template void gather_scalar<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                    \
-                                                       const std::vector<int>&, const T*, ValueSink<T>&);
+                                                       const std::vector<int>&, const T*, ValueSink<T>&);           \
+  template void gather_value<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                     \
+                                                      const std::vector<int>&, const T*, ValueSink<T>&);
 MPM_INSTANTIATE(2, float)
 MPM_INSTANTIATE(2, double)
 MPM_INSTANTIATE(3, float)

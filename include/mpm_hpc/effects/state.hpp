@@ -57,6 +57,9 @@ struct State {
 
   Real time = 0, dt = 0;  // [s]; of the step under way
   std::int64_t step = 0;
+  // Whether a row, frame or checkpoint is planned after the step under way, so that what only those need must be ready. It
+  // may turn out that one is written all the same, when a signal ends the run.
+  bool observed = true;
   StepLimits limits;
   Real drift = 0;  // bound of the particles' way since the last sort [m]
   bool stop_requested = false;  // by a signal: on this rank before a step, on any rank after it

@@ -2,6 +2,7 @@
 // direction, for numbers and packs.
 #pragma once
 
+#include "mpm_hpc/math/row.hpp"
 #include "mpm_hpc/math/simd.hpp"
 
 namespace mpm {
@@ -40,6 +41,12 @@ struct QuadraticKernel {
     w[0] = broadcast<S>(0.5) * a * a;
     w[1] = broadcast<S>(0.75) - b * b;
     w[2] = broadcast<S>(0.5) * c * c;
+  }
+  // The weights of one particle in one register, a 0 behind them.
+  template <class T>
+  static Quad<T> weight_quad(T fx) {
+    const Quad<T> d = fx - Quad<T>{1.5, 1, 0.5, 0};
+    return Quad<T>{0, 0.75, 0, 0} + Quad<T>{0.5, -1, 0.5, 0} * d * d;
   }
   template <class S>
   static void gradients(const S& fx, S* g) {

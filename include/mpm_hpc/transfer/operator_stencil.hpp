@@ -39,10 +39,11 @@ struct OperatorStencil {
   }
 };
 
-// What scatter_values does, and the operator's stencil in the same sweep: stencil[OperatorStencil::index(...)] += A_ij.
+// What scatter_values does, with the first of the four values only or with all (Values = 1 or 4 per node), and the
+// operator's stencil in the same sweep: stencil[OperatorStencil::index(...)] += A_ij.
 // touched[slot] = 1 for the blocks that have entries; those of the others are undefined, and become 0 when they are first
 // touched, which is just before they are wanted in the cache.
-template <class Kernel, int Dim, class T>
+template <class Kernel, int Values, int Dim, class T>
 void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
                                 ValueSource<T>& source, T* nodes, T* diagonal, T* stencil, std::vector<char>& touched);
 

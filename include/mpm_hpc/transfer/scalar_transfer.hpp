@@ -33,7 +33,7 @@ class ValueSource {
   virtual void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) = 0;
 };
 
-// Receives the interpolated field and its gradient of a chunk.
+// Receives the interpolated field of a chunk, and its gradient if that was asked for, else nullptr.
 template <class T>
 class ValueSink {
  public:
@@ -55,5 +55,10 @@ void apply_operator(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
 template <class Kernel, int Dim, class T>
 void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
                    ValueSink<T>& sink);
+
+// The same without the gradient.
+template <class Kernel, int Dim, class T>
+void gather_value(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
+                  ValueSink<T>& sink);
 
 }  // namespace mpm

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "mpm_hpc/fields/grid_fields.hpp"
+#include "mpm_hpc/math/row.hpp"
 
 namespace mpm {
 
@@ -34,7 +35,16 @@ struct Tile {
     for_each_segment(topology, slot, [this, grid](int tile_node, std::size_t grid_node, auto count) {
       T* out = grid + grid_node * Values;
       const T* in = data + tile_node * Values;
-      for (int i = 0; i < decltype(count)::value * Values; ++i) out[i] += in[i];
+      constexpr int numbers = decltype(count)::value * Values;
+      if constexpr (numbers % 4 == 0) {
+        // By hand: the compiler, which can't know that tile and grid are apart, would add one number at a time.
+        for (int i = 0; i < numbers; i += 4) {
+          const Quad<T> sum = load_quad(out + i) + load_quad(in + i);
+          std::memcpy(out + i, &sum, sizeof(sum));
+        }
+      } else {
+        for (int i = 0; i < numbers; ++i) out[i] += in[i];
+      }
     });
   }
 

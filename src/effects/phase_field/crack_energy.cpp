@@ -41,44 +41,20 @@ struct CrackEnergy final : ValueSink<T> {
   Real energy = 0;
   CrackEnergy(const PhaseLaw& l, const T* v, const T* c) : law(l), volume(v), phase(c) {}
   void values(Index begin, Index end, const T*, const T* const* gradient) override {
-    for (Index p = begin; p < end; ++p) {
-      Real squared = 0;
-      for (int a = 0; a < Dim; ++a) squared += static_cast<Real>(gradient[a][p - begin]) * gradient[a][p - begin];
-      energy += volume[p] * law.energy_density(phase[p], squared);
-    }
+    energy += law.template energy<Dim>(end - begin, volume + begin, phase + begin, gradient);
   }
 };
 
 }  // namespace
 
-// sum_p V0_p G_c ((c - 1)^2 / 4 l0 + l0 |grad c|^2) of this rank, with the gradient that the last solve gave.
+// c of the particles to values().
 template <int Dim>
-Real PhaseField<Dim>::crack_energy(State<Dim>& state) {
-  if (by_increment_) return projected_crack_energy(state);
-  return with_precision(state.precision, [&](auto zero) {
-    using T = decltype(zero);
-    Real energy = 0;
-    for (const BodyPart& part : parts_) {
-      const FieldSet& f = state.bodies[part.body].particles;
-      const T *volume = f.template data<T>(core::volume), *c = f.template data<T>(part.phase),
-              *gradient = f.template data<T>(part.gradient);
-      for (Index p = 0; p < f.size(); ++p)
-        if (volume[p] > 0) energy += volume[p] * part.law.energy_density(c[p], gradient[p]);
-    }
-    return energy;
-  });
-}
-
-// The same where c comes back by increments, so that no solve gives its gradient: from c projected to the grid, which
-// smooths it once more and so makes the energy a few per cent low.
-template <int Dim>
-Real PhaseField<Dim>::projected_crack_energy(State<Dim>& state) {
-  sort_if_drifted(state);
+void PhaseField<Dim>::sum_phase(State<Dim>& state) {
   const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
-  return with_precision(state.precision, [&](auto zero) {
+  GridFields& fields = state.fields;
+  fields.zero(system_->values());
+  with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    GridFields& fields = state.fields;
-    fields.zero(system_->values());
     for (const BodyPart& part : parts_) {
       const Body<Dim>& body = state.bodies[part.body];
       PhaseOnly<T> source(body.particles, part);
@@ -86,21 +62,43 @@ Real PhaseField<Dim>::projected_crack_energy(State<Dim>& state) {
         scatter_values<Kernel>(grid, body, *ranges, source, fields.template data<T>(system_->values()),
                                fields.template data<T>(system_->diagonal()));
     }
-    state.halo().sum(fields, {system_->values()});
-    system_->project_phase(state);
+  });
+  state.halo().sum(fields, {system_->values()});
+}
+
+// sum_p V0_p G_c ((c - 1)^2 / 4 l0 + l0 |grad c|^2) of this rank. The gradient is that of the last solve, if this gave a value
+// and somebody was known to look.
+template <int Dim>
+Real PhaseField<Dim>::crack_energy(State<Dim>& state) {
+  std::vector<Real> unknown = {crack_energy_known_ ? 0.0 : 1.0};
+  state.communicator().max(unknown);
+  return unknown[0] > 0 ? projected_crack_energy(state) : crack_energy_;
+}
+
+// The same from c projected to the grid, which smooths it once more and so makes the energy a few per cent low.
+template <int Dim>
+Real PhaseField<Dim>::projected_crack_energy(State<Dim>& state) {
+  sort_if_drifted(state);
+  sum_phase(state);
+  system_->project_phase(state);
+  const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+  return with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
     Real energy = 0;
     for (const BodyPart& part : parts_) {
       const Body<Dim>& body = state.bodies[part.body];
       CrackEnergy<T, Dim> sink(part.law, body.particles.template data<T>(core::volume),
                                body.particles.template data<T>(part.phase));
       for (const auto* ranges : {&body.boundary, &body.interior})
-        gather_scalar<Kernel>(grid, body, *ranges, fields.template data<T>(system_->result()), sink);
+        gather_scalar<Kernel>(grid, body, *ranges, state.fields.template data<T>(system_->result()), sink);
       energy += sink.energy;
     }
     return energy;
   });
 }
 
+template void PhaseField<2>::sum_phase(State<2>&);
+template void PhaseField<3>::sum_phase(State<3>&);
 template Real PhaseField<2>::crack_energy(State<2>&);
 template Real PhaseField<3>::crack_energy(State<3>&);
 

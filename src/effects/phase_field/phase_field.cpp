@@ -110,7 +110,6 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
       part.conductivity = f.add({.name = "phase_conductivity", .units = "m^5", .type = real});
       if (!lumped_) part.reaction = f.add({.name = "phase_reaction", .units = "m^3", .type = real});
     }
-    part.gradient = by_increment_ ? no_field : f.add({.name = "phase_gradient_squared", .units = "1/m^2", .type = real});
     // With cracks from the start the column is the floor of the driving energy that keeps them open on the grid.
     part.history = running_maximum_ || !cracks_.empty()
                        ? f.add({.name = "phase_history", .units = "J/m^3", .type = real})
@@ -126,7 +125,10 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
           where_);
   using Form = typename PhaseSystem<Dim>::Form;
   const Form form = operator_ == "matrix_free" ? Form::particles : operator_ == "stencil" ? Form::stencil : Form::matrix;
-  system_ = std::make_unique<PhaseSystem<Dim>>(state, form, solver_options_);
+  // Without mobility and with the reaction at the particles, M_ii and r_i are the same sum.
+  using Sums = typename PhaseSystem<Dim>::Sums;
+  const bool same_sum = !mobility_ && !lumped_ && !by_increment_ && form != Form::particles;
+  system_ = std::make_unique<PhaseSystem<Dim>>(state, form, same_sum ? Sums::mass_only : Sums::all, solver_options_);
   system_->set_parts(std::move(system_parts));
 }
 
@@ -245,6 +247,9 @@ void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::ve
 template <int Dim>
 void PhaseField<Dim>::solve(State<Dim>& state) {
   auto s = state.timers.scope("phase solve");
+  if (system_->starts_from_values(state)) sum_phase(state);
+  crack_energy_ = 0;
+  crack_energy_known_ = state.observed && !by_increment_;
   const int iterations = system_->solve(state, by_increment_ ? PhaseSystem<Dim>::Result::increment : PhaseSystem<Dim>::Result::value);
   SolverWork& work = state.solvers["phase_field"];
   ++work.solves;
@@ -258,16 +263,14 @@ namespace {
 template <class T, int Dim>
 struct NoHealing final : ValueSink<T> {
   T* phase;
-  T* gradient_squared;  // of c^{n+1}, for the crack's energy; none: the result is the increment
+  const T* volume;
+  T kept;           // 1 if the result is an increment, 0 if a value
+  const PhaseLaw* law;
+  Real energy = 0;  // of the cracks, if a gradient comes with the values
   void values(Index begin, Index end, const T* result, const T* const* gradient) override {
-    const T kept = gradient_squared ? T(0) : T(1);
-    for (Index p = begin; p < end; ++p) {
+    for (Index p = begin; p < end; ++p)
       phase[p] = std::max(T(0), std::min(phase[p], kept * phase[p] + result[p - begin]));
-      if (!gradient_squared) continue;
-      T sum = 0;
-      for (int a = 0; a < Dim; ++a) sum += gradient[a][p - begin] * gradient[a][p - begin];
-      gradient_squared[p] = sum;
-    }
+    if (gradient) energy += law->template energy<Dim>(end - begin, volume + begin, phase + begin, gradient);
   }
 };
 
@@ -283,8 +286,16 @@ void PhaseField<Dim>::update(State<Dim>& state, std::size_t body, const std::vec
     const BodyPart& part = parts_[part_of_body_[body]];
     const FieldSet& f = state.bodies[body].particles;
     sink.phase = f.template data<T>(part.phase);
-    sink.gradient_squared = part.gradient == no_field ? nullptr : f.template data<T>(part.gradient);
-    gather_scalar<Kernel>(grid, state.bodies[body], ranges, state.fields.template data<T>(system_->result()), sink);
+    sink.volume = f.template data<T>(core::volume);
+    sink.kept = by_increment_ ? T(1) : T(0);
+    sink.law = &part.law;
+    const T* result = state.fields.template data<T>(system_->result());
+    if (crack_energy_known_) {
+      gather_scalar<Kernel>(grid, state.bodies[body], ranges, result, sink);
+    } else {
+      gather_value<Kernel>(grid, state.bodies[body], ranges, result, sink);
+    }
+    crack_energy_ += sink.energy;
   });
 }
 

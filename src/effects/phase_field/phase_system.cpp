@@ -31,10 +31,11 @@ std::size_t node_around(const Slot* around, const IntVec<Dim>& place) {
 }  // namespace
 
 template <int Dim>
-PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, const LinearSolverOptions& options)
-    : form_(form), solver_(state.communicator(), options_prefix, options) {
+PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, const LinearSolverOptions& options)
+    : form_(form), sums_(sums), solver_(state.communicator(), options_prefix, options) {
   GridFields& f = state.fields;
-  values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = true});
+  values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = sums == Sums::all});
+  if (sums == Sums::mass_only) mass_sum_ = f.add({.name = "phase_mass", .units = "1", .sums_ghosts = true});
   diagonal_ = f.add({.name = "phase_diagonal", .units = "1", .sums_ghosts = true});
   result_ = f.add({.name = "phase_result", .units = "1", .fills_ghosts = true});
   if (form_ == Form::matrix) {
@@ -62,13 +63,17 @@ template <class T>
 void PhaseSystem<Dim>::scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges,
                                ValueSource<T>& source) {
   const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+  const Body<Dim>& particles = state.bodies[body];
   T* values = state.fields.template data<T>(values_);
   T* diagonal = state.fields.template data<T>(diagonal_);
+  T* entries = static_cast<T*>(entries_.data());
   if (form_ == Form::particles) {
-    scatter_values<Kernel>(grid, state.bodies[body], ranges, source, values, diagonal);
+    scatter_values<Kernel>(grid, particles, ranges, source, values, diagonal);
+  } else if (sums_ == Sums::all) {
+    scatter_values_and_stencil<Kernel, node_values>(grid, particles, ranges, source, values, diagonal, entries, touched_);
   } else {
-    scatter_values_and_stencil<Kernel>(grid, state.bodies[body], ranges, source, values, diagonal,
-                                       static_cast<T*>(entries_.data()), touched_);
+    scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(mass_sum_), diagonal,
+                                          entries, touched_);
   }
 }
 
@@ -84,6 +89,8 @@ template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
   const T* sums = state.fields.template data<T>(values_);
+  const T* mass = sums_ == Sums::mass_only ? state.fields.template data<T>(mass_sum_) : nullptr;
+  const bool has_phase = !mass || starts_from_values(state);
   const std::size_t owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
   rows_.clear();
   mass_.clear();
@@ -91,11 +98,13 @@ void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
   start_.clear();
   for (std::size_t i = 0; i < owned; ++i) {
     const T* node = sums + i * node_values;
-    if (!(node[weight] > 0)) continue;
+    if (!(mass ? mass[i] > 0 : node[weight] > 0)) continue;
     rows_.push_back(i);
-    mass_.push_back(node[mass_term]);
-    rhs_.push_back(node[right_hand_side]);
-    start_.push_back(static_cast<Real>(node[weighted_phase]) / static_cast<Real>(node[weight]));
+    mass_.push_back(mass ? mass[i] : node[mass_term]);
+    rhs_.push_back(mass ? mass[i] : node[right_hand_side]);
+    start_.push_back(has_phase && node[weight] > 0
+                         ? static_cast<Real>(node[weighted_phase]) / static_cast<Real>(node[weight])
+                         : 1.0);
   }
 }
 
@@ -227,6 +236,11 @@ int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
 }
 
 template <int Dim>
+bool PhaseSystem<Dim>::starts_from_values(const State<Dim>& state) const {
+  return sums_ == Sums::mass_only && last_sort_ != state.distribution.sorts();
+}
+
+template <int Dim>
 void PhaseSystem<Dim>::start_from_last_solution(const State<Dim>& state) {
   if (last_sort_ != state.distribution.sorts()) return;
   for (std::size_t r = 0; r < rows_.size(); ++r)
@@ -249,10 +263,12 @@ template <int Dim>
 void PhaseSystem<Dim>::project_phase(State<Dim>& state) {
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    find_rows<T>(state);
     state.fields.zero(result_);
+    const T* node = state.fields.template data<T>(values_);
     T* phase = state.fields.template data<T>(result_);
-    for (std::size_t r = 0; r < rows_.size(); ++r) phase[rows_[r]] = static_cast<T>(start_[r]);
+    const std::size_t owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+    for (std::size_t i = 0; i < owned; ++i, node += node_values)
+      if (node[weight] > 0) phase[i] = node[weighted_phase] / node[weight];
   });
   state.halo().fill(state.fields, {result_});
 }

@@ -28,7 +28,7 @@ struct Collected : ValueSink<T> {
   void values(Index begin, Index end, const T* v, const T* const* g) override {
     for (Index p = begin; p < end; ++p) {
       value[p] = v[p - begin];
-      for (int a = 0; a < Dim; ++a) gradient[p][a] = g[a][p - begin];
+      for (int a = 0; g && a < Dim; ++a) gradient[p][a] = g[a][p - begin];
     }
   }
 };
@@ -64,14 +64,16 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
 
   using Stencil = OperatorStencil<QuadraticKernel, Dim>;
   GridFields fields(precision);
-  const FieldId nodes = fields.add({.name = "values", .components = 4});
-  const FieldId diagonal = fields.add({.name = "diagonal"}), x = fields.add({.name = "x"}), y = fields.add({.name = "y"});
+  const FieldId nodes = fields.add({.name = "values", .units = "1", .components = 4});
+  const FieldId diagonal = fields.add({.name = "diagonal", .units = "1"}), x = fields.add({.name = "x", .units = "1"}), y = fields.add({.name = "y", .units = "1"});
   // What the sweep with the stencil gives, and its product.
-  const FieldId nodes2 = fields.add({.name = "values again", .components = 4});
-  const FieldId diagonal2 = fields.add({.name = "diagonal again"}), y2 = fields.add({.name = "product by stencil"});
-  const FieldId stencil = fields.add({.name = "stencil", .components = Stencil::size});
+  const FieldId nodes2 = fields.add({.name = "values again", .units = "1", .components = 4});
+  const FieldId diagonal2 = fields.add({.name = "diagonal again", .units = "1"}), y2 = fields.add({.name = "product by stencil", .units = "1"});
+  const FieldId first = fields.add({.name = "first value", .units = "1"});
+  const FieldId diagonal1 = fields.add({.name = "diagonal with it", .units = "1"});
+  const FieldId stencil = fields.add({.name = "stencil", .units = "1", .components = Stencil::size});
   fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
-  for (FieldId f : {nodes, diagonal, x, y, nodes2, diagonal2, y2, stencil}) fields.zero(f);
+  for (FieldId f : {nodes, diagonal, x, y, nodes2, diagonal2, y2, first, diagonal1, stencil}) fields.zero(f);
   // The particles' volume serves as conductivity (0 for padding), their mass as the scattered value and, scaled up so
   // that it is seen beside k / h^2, as reaction.
   const T* conductivity = body.particles.template data<T>(core::volume);
@@ -95,8 +97,16 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
   apply_operator<QuadraticKernel>(grid, body, all_ranges(body), columns, fields.template data<T>(x),
                                   fields.template data<T>(y));
   std::vector<char> touched(topology.size(), 0);
-  scatter_values_and_stencil<QuadraticKernel>(grid, body, all_ranges(body), source, fields.template data<T>(nodes2),
-                                              fields.template data<T>(diagonal2), fields.template data<T>(stencil), touched);
+  scatter_values_and_stencil<QuadraticKernel, 4>(grid, body, all_ranges(body), source, fields.template data<T>(nodes2),
+                                                 fields.template data<T>(diagonal2), fields.template data<T>(stencil),
+                                                 touched);
+  // With the first value only, everything else is the same.
+  std::vector<T> stencil1(static_cast<std::size_t>(topology.size()) * Stencil::block_values);
+  std::vector<char> touched1(topology.size(), 0);
+  scatter_values_and_stencil<QuadraticKernel, 1>(grid, body, all_ranges(body), source, fields.template data<T>(first),
+                                                 fields.template data<T>(diagonal1), stencil1.data(), touched1);
+  EXPECT_EQ(touched1, touched);
+  for (std::size_t i = 0; i < stencil1.size(); ++i) ASSERT_EQ(stencil1[i], fields.template data<T>(stencil)[i]);
   std::vector<Slot> blocks;
   for (Slot s = 0; s < topology.size(); ++s)
     if (touched[s]) blocks.push_back(s);
@@ -105,7 +115,10 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
   Collected<T, Dim> sink;
   sink.value.resize(body.particles.size());
   sink.gradient.resize(body.particles.size());
+  Collected<T, Dim> value_sink = sink;
   gather_scalar<QuadraticKernel>(grid, body, all_ranges(body), fields.template data<T>(x), sink);
+
+  gather_value<QuadraticKernel>(grid, body, all_ranges(body), fields.template data<T>(x), value_sink);
 
   // The plain way: D^-1 w (x_i - x_p) of each stencil node, and every pair of nodes.
   std::vector<Real> values(in.size()), diag(in.size()), out(in.size());
@@ -147,7 +160,8 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
       for (int c = 0; c < 4; ++c)
         for (const FieldId f : {nodes, nodes2})
           EXPECT_NEAR(fields.template data<T>(f)[4 * k + c], (c + 1) * values[i], 100 * tolerance);
-      for (const FieldId f : {diagonal, diagonal2})
+      EXPECT_NEAR(fields.template data<T>(first)[k], values[i], 100 * tolerance);
+      for (const FieldId f : {diagonal, diagonal1, diagonal2})
         EXPECT_NEAR(fields.template data<T>(f)[k], diag[i], tolerance * scale * 10);
       for (const FieldId f : {y, y2}) EXPECT_NEAR(fields.template data<T>(f)[k], out[i], tolerance * scale * 30);
       for (int e = 0; e < Stencil::size; ++e)
@@ -156,7 +170,7 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
     }
   for (Index p = 0; p < body.particles.size(); ++p) {
     if (id[p] < 0) continue;
-    EXPECT_NEAR(sink.value[p], value[id[p]], tolerance * 10);
+    for (const auto& s : {sink, value_sink}) EXPECT_NEAR(s.value[p], value[id[p]], tolerance * 10);
     EXPECT_LT((sink.gradient[p] - gradient[id[p]]).norm(), tolerance * 1000);
   }
 }

@@ -32,7 +32,8 @@ class PhaseField final : public Effect<Dim> {
   struct BodyPart {
     std::size_t body;
     PhaseLaw law;
-    FieldId phase, conductivity = no_field, reaction = no_field, gradient, history;  // history: lower bound of the driving energy, or no_field
+    FieldId phase, conductivity = no_field, reaction = no_field;
+    FieldId history = no_field;  // lower bound of the driving energy
   };
   template <class T>
   class Source;
@@ -42,6 +43,7 @@ class PhaseField final : public Effect<Dim> {
   void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
   void solve(State<Dim>& state);
   void update(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
+  void sum_phase(State<Dim>& state);
   Real crack_energy(State<Dim>& state);
   Real projected_crack_energy(State<Dim>& state);
 
@@ -62,6 +64,9 @@ class PhaseField final : public Effect<Dim> {
   std::vector<int> part_of_body_;  // -1: can't fracture
   std::unique_ptr<PhaseSystem<Dim>> system_;
   Real iterations_since_row_ = 0;
+  // Of this rank's cracks after the last step, if the step was observed.
+  Real crack_energy_ = 0;
+  bool crack_energy_known_ = false;
 };
 
 }  // namespace mpm

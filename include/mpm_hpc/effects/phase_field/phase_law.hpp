@@ -32,6 +32,17 @@ struct PhaseLaw {
   double energy_density(double phase, double gradient_squared) const {
     return toughness * ((phase - 1) * (phase - 1) / (4 * length) + length * gradient_squared);
   }
+  // The energy of some particles [J], by their undeformed volume, c and grad c (one array per direction).
+  template <int Dim, class T>
+  double energy(int count, const T* volume, const T* phase, const T* const* gradient) const {
+    double sum = 0;
+    for (int p = 0; p < count; ++p) {
+      double squared = 0;
+      for (int a = 0; a < Dim; ++a) squared += static_cast<double>(gradient[a][p]) * gradient[a][p];
+      sum += volume[p] * energy_density(phase[p], squared);
+    }
+    return sum;
+  }
 };
 
 // The discretised crack costs (1 + k h / l0) G_c per area, k by kernel (physics.md section 5): dividing by it gives the

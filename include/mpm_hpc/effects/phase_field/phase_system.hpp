@@ -25,7 +25,10 @@ class PhaseSystem {
     FieldId conductivity, reaction = no_field;
   };
   static constexpr const char* options_prefix = "phase_";  // of its PETSc options
-  PhaseSystem(State<Dim>& state, Form form, const LinearSolverOptions& options);
+  // What the particles give to the nodes: all four of Value, or mass_term alone, if right_hand_side is the same and the
+  // result is a value. Then values() is for project_phase() only.
+  enum class Sums { all, mass_only };
+  PhaseSystem(State<Dim>& state, Form form, Sums sums, const LinearSolverOptions& options);
   void set_parts(std::vector<Part> parts) { parts_ = std::move(parts); }
 
   // Forgets the last step's operator; before the step's first scatter.
@@ -36,6 +39,8 @@ class PhaseSystem {
 
   // Grid fields: four sums per node and the operator's diagonal, filled by the particles in P2G ...
   FieldId values() const { return values_; }
+  // With mass_only: whether the next solve starts from values(), which somebody must fill before. The same on all ranks.
+  bool starts_from_values(const State<Dim>& state) const;
   FieldId diagonal() const { return diagonal_; }
   // ... and what comes back to them, which the halo fill carries.
   FieldId result() const { return result_; }
@@ -46,7 +51,7 @@ class PhaseSystem {
 
   // Returns the number of iterations. Collective.
   int solve(State<Dim>& state, Result result);
-  // Leaves c^n = sum w c / sum w in result(), with the ghosts filled. Collective.
+  // Leaves c^n = sum w c / sum w of values() in result(), with the ghosts filled. Collective.
   void project_phase(State<Dim>& state);
 
   std::size_t allocated_bytes() const;
@@ -70,9 +75,10 @@ class PhaseSystem {
   void keep_solution(const State<Dim>& state);
 
   Form form_;
+  Sums sums_;
   LinearSolver solver_;
   std::vector<Part> parts_;
-  FieldId values_, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
+  FieldId values_, mass_sum_ = no_field, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
   std::vector<std::size_t> rows_;  // node of each row: slot * nodes_per_block + node in block
   std::vector<Real> mass_, rhs_, solution_, start_;
   // The last solution by owned node, a far better start than the smoothed c^n; no_value where there is none. It dies with
