@@ -26,10 +26,20 @@ using namespace mpm;
 enum class Phase { none, mobility, rate_independent };
 
 struct Case {
-  bool single = false, split = false;
+  bool single = false;
+  PlainLaw law = PlainLaw::neo_hookean;
   Phase phase = Phase::none;
   int cells = 20;  // per direction, with 8 particles each
 };
+
+const char* name_of(PlainLaw law) {
+  switch (law) {
+    case PlainLaw::neo_hookean: return "neo_hookean";
+    case PlainLaw::split_neo_hookean: return "split_neo_hookean";
+    case PlainLaw::fixed_corotated: return "fixed_corotated";
+  }
+  return "";
+}
 
 // An elastic block in free flight that stretches a little. One cell of drift takes about 15 steps.
 constexpr Real spacing = 0.01, density = 1000, youngs_modulus = 1e6, poisson_ratio = 0.3;
@@ -52,8 +62,7 @@ std::string scene_text(const Case& c) {
       "dimension = 3\nprecision = \"{}\"\n"
       "[domain]\nlower = [0, 0, 0]\nupper = [{}, {}, {}]\n[grid]\nspacing = {}\n[time]\nend = 1\n"
       "[material.block]\nmodel = \"{}\"\ndensity = {}\nyoungs_modulus = {}\npoisson_ratio = {}\n",
-      c.single ? "single" : "double", end, end, end, spacing, c.split ? "split_neo_hookean" : "neo_hookean",
-      density, youngs_modulus, poisson_ratio);
+      c.single ? "single" : "double", end, end, end, spacing, name_of(c.law), density, youngs_modulus, poisson_ratio);
   // Tough enough that the phase stays near 1.
   if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", 0.1 * youngs_modulus * spacing);
   text += fmt::format(
@@ -198,7 +207,7 @@ void bench_step(benchmark::State& bench, const Communicator& communicator, const
   const GridGeometry<3> reference_geometry = production.reference_geometry(particles);
   const Elasticity elasticity;
   ReferenceSimulation<QuadraticKernel, 3> reference(reference_geometry, std::move(particles),
-                                                    {elasticity.mu, elasticity.lambda, c.split});
+                                                    {elasticity.mu, elasticity.lambda, c.law});
   const Real reference_dt = cfl * spacing / ((1 + flight + stretching) * elasticity.wave_speed);
 
   std::vector<double> production_times, reference_times, elastic_times, ratios, elastic_ratios;
@@ -272,12 +281,12 @@ void register_benchmarks(const Communicator& communicator, bool large) {
   if (large) sizes.push_back({"4M", 80});
   for (const Size& size : sizes)
     for (const bool single : {false, true})
-      for (const bool split : {false, true})
+      for (const PlainLaw law : {PlainLaw::neo_hookean, PlainLaw::fixed_corotated, PlainLaw::split_neo_hookean})
         for (const Phase phase : {Phase::none, Phase::mobility, Phase::rate_independent}) {
-          if (phase != Phase::none && !split) continue;
-          const Case c{single, split, phase, size.cells};
+          if (phase != Phase::none && law != PlainLaw::split_neo_hookean) continue;
+          const Case c{single, law, phase, size.cells};
           add(fmt::format("step/{}/{}/{}/{}", single ? "single" : "double",
-                          split ? "split_neo_hookean" : "neo_hookean",
+                          name_of(law),
                           phase == Phase::none       ? "elastic"
                           : phase == Phase::mobility ? "phase_mobility"
                                                      : "phase_rate_independent",

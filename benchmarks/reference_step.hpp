@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/LU>
+#include <Eigen/SVD>
 #include <cmath>
 #include <vector>
 
@@ -10,16 +11,23 @@
 
 namespace mpm {
 
-// Both laws written plainly from their equations; see materials/neo_hookean.hpp and split_neo_hookean.hpp.
+enum class PlainLaw { neo_hookean, split_neo_hookean, fixed_corotated };
+
+// The laws written plainly from their equations; see the files of their names in materials/.
 struct ReferenceMaterial {
   Real mu = 0, lambda = 0;  // [Pa]
-  bool split = false;
+  PlainLaw law = PlainLaw::neo_hookean;
 
   template <int Dim>
   Mat<Dim> kirchhoff_stress(const Mat<Dim>& F) const {
     const Mat<Dim> b = F * F.transpose(), identity = Mat<Dim>::Identity();
     const Real J = F.determinant();
-    if (!split) return mu * (b - identity) + lambda * std::log(J) * identity;
+    if (law == PlainLaw::fixed_corotated) {
+      const Eigen::JacobiSVD<Mat<Dim>> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
+      const Mat<Dim> R = svd.matrixU() * svd.matrixV().transpose();
+      return 2 * mu * (F - R) * F.transpose() + lambda * (J - 1) * J * identity;
+    }
+    if (law == PlainLaw::neo_hookean) return mu * (b - identity) + lambda * std::log(J) * identity;
     const Real kappa = lambda + 2 * mu / Dim;
     const Mat<Dim> deviator = b - b.trace() / Dim * identity;
     return mu * std::pow(J, -2.0 / Dim) * deviator + kappa / 2 * (J * J - 1) * identity;

@@ -1,6 +1,7 @@
 // The one list of material laws: a new law is one new file and one line here.
 #pragma once
 
+#include "mpm_hpc/materials/fixed_corotated.hpp"
 #include "mpm_hpc/materials/neo_hookean.hpp"
 #include "mpm_hpc/materials/split_neo_hookean.hpp"
 
@@ -12,6 +13,7 @@ struct LawList {};
 template <int Dim>
 using MaterialList = LawList<  //
     NeoHookean<Dim>,           //
-    SplitNeoHookean<Dim>>;
+    SplitNeoHookean<Dim>,      //
+    FixedCorotated<Dim>>;
 
 }  // namespace mpm

@@ -22,14 +22,23 @@ struct Traits;
 template <int D>
 struct Traits<NeoHookean<D>> {
   static constexpr int dim = D;
+  static constexpr bool softens = false;  // terms of opposite sign make the moduli small or negative
   static NeoHookean<D> law(Real mu = test_mu, Real lambda = test_lambda) { return {mu, lambda}; }
 };
 template <int D>
 struct Traits<SplitNeoHookean<D>> {
   static constexpr int dim = D;
+  static constexpr bool softens = false;
   static SplitNeoHookean<D> law(Real mu = test_mu, Real lambda = test_lambda) {
     return {mu, ElasticConstants{mu, lambda}.bulk_modulus<D>()};
   }
+};
+
+template <int D>
+struct Traits<FixedCorotated<D>> {
+  static constexpr int dim = D;
+  static constexpr bool softens = true;
+  static FixedCorotated<D> law(Real mu = test_mu, Real lambda = test_lambda) { return {mu, lambda}; }
 };
 
 template <int Dim>
