@@ -37,14 +37,13 @@ void row_stage(RowParticle<T>* particles, int count, const T* tile) {
         slope_x = add_multiple<i - 1>(slope_x, weighted);
         slope_y = slope_y + r.w[0][i] * tilt;
       });
-      const Quad<T> y = (w * slope_y).sum();
-      std::memcpy(r.a[1], &y, sizeof(y));
+      value = w * value;
+      store_sums(value, w * slope_x, w * slope_y, along * value, r.q);  // and the slopes, which are behind
     }
-    value = w * value;
-    const Quad<T> q = value.sum(), x = (w * slope_x).sum(), last = (along * value).sum();
-    std::memcpy(r.q, &q, sizeof(q));
-    std::memcpy(r.a[0], &x, sizeof(x));
-    std::memcpy(r.a[Dim - 1], &last, sizeof(last));
+    if constexpr (Dim == 2) {
+      value = w * value;
+      store_sums(value, w * slope_x, along * value, along, r.q);
+    }
   }
 }
 
@@ -70,10 +69,10 @@ template <class Kernel, int Dim, class T>
 void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, const IntVec<Dim>& first_node,
                  Index begin, Index end, RowParticle<T>* out) {
   constexpr int W = pack_width<T>;
-  bool inside = true;
+  Pack<T> outside = Pack<T>::Zero();
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> place(grid, first_node, columns.x, p);
-    inside = inside && place.inside();
+    outside += place.outside();
     place.write(out + (p - begin));
     for (int a = 0; a < Dim; ++a) {
       prefetch_next_chunk(columns.x[a], p);
@@ -85,7 +84,7 @@ void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, 
       prefetch_next_chunk(columns.F[a], p);
     }
   }
-  if (!inside) throw_drifted_out();
+  require_inside(outside);
 }
 
 // New velocity, gradient, deformation and position of the chunk's particles.
@@ -102,12 +101,11 @@ KinematicLimits update_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> place(grid, first_node, columns.x, p);
     const RowParticle<T>* rows = in + (p - begin);
-    alignas(64) T q[Dim][W], slope[Dim][Dim][W];
-    for (int l = 0; l < W; ++l) {
-      for (int a = 0; a < Dim; ++a) q[a][l] = rows[l].q[a];
-      for (int b = 0; b < Dim; ++b)
-        for (int a = 0; a < Dim; ++a) slope[b][a][l] = rows[l].a[b][a];
-    }
+    alignas(64) T q[4][W], slope[Dim][4][W];
+    constexpr int stride = row_stride<RowParticle<T>, T>;
+    quads_to_packs<T, W>(rows[0].q, stride, q[0], q[1], q[2], q[3]);
+    for (int b = 0; b < Dim; ++b)
+      quads_to_packs<T, W>(rows[0].a[b], stride, slope[b][0], slope[b][1], slope[b][2], slope[b][3]);
     S v[Dim], size2 = none, change2 = none;
     for (int a = 0; a < Dim; ++a) {
       v[a] = load<S>(q[a]);

@@ -12,7 +12,7 @@ namespace {
 // Particles handled between two sorts by cell: those of a block, unless it is very full.
 constexpr int batch_particles = 2048;
 // Particles of a cell whose factors wait in L1 while the sums stay in registers.
-constexpr int group_particles = 8;
+constexpr int group_particles = 12;
 
 // In double one cache line, or two with four values: what a cell needs of a particle comes from L2.
 template <class T, int Values>
@@ -334,13 +334,13 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
     tile.zero();
     for (Index batch = range.begin; batch < range.end; batch += batch_particles) {
       const Index batch_end = std::min<Index>(batch + batch_particles, range.end);
-      bool inside = true;
+      Pack<T> outside = Pack<T>::Zero();
       for (Index begin = batch; begin < batch_end; begin += chunk_particles) {
         const Index end = std::min<Index>(begin + chunk_particles, batch_end);
         source.values(begin, end, q, conductivity, reaction);
         for (Index p = begin; p < end; p += W) {
           const LanePlace<Kernel, Dim, T> lanes(grid.geometry, first_node, x, p);
-          inside = inside && lanes.inside();
+          outside += lanes.outside();
           Particle* out = particles.data() + (p - batch);
           constexpr int stride = row_stride<Particle, T>;
           alignas(64) T centre[3][W] = {}, cell[W];
@@ -362,7 +362,7 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
           for (int l = 0; l < W; ++l) cell_of[p - batch + l] = static_cast<std::uint16_t>(static_cast<int>(cell[l]));
         }
       }
-      if (!inside) throw_drifted_out();
+      require_inside(outside);
       cells.build(static_cast<int>(batch_end - batch), [&cell_of](int p) { return cell_of[p]; });
       cells.for_each_cell([&](int cell, const std::uint16_t* of_cell, int count) {
         constexpr int side = NodeTile::side;

@@ -33,10 +33,10 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
   // Slopes are per node, hence one factor h: h A = h m C - (dt k / h) V0 tau, with D^-1 = k / h^2.
   const T spacing = static_cast<T>(h), stress_factor = static_cast<T>(dt * Kernel::inverse_inertia / h);
 
-  bool inside = true;
+  Pack<T> outside = Pack<T>::Zero();
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> place(grid.geometry, first_node, x, p);
-    inside = inside && place.inside();
+    outside += place.outside();
     for (int a = 0; a < Dim; ++a) {
       prefetch_next_chunk(x[a], p);
       if (pack_width<T> > 8) prefetch_next_chunk(x[a] + 8, p);
@@ -70,7 +70,7 @@ void lane_stage(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, const I
     for (int b = 0; b < Dim; ++b)
       packs_to_quads<T, W>(slope[b][0], slope[b][1], slope[b][2], slope[b][3], rows[0].a[b], stride);
   }
-  if (!inside) throw_drifted_out();
+  require_inside(outside);
 }
 
 // tile[row] += w_outer * (w_row (x) values) for the rows of one particle's stencil.

@@ -29,10 +29,10 @@ template <class Kernel, int Dim, class T>
 void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, const Real* const* x, Index begin,
            Index end, ScalarRow<T>* rows, T (*centre)[chunk_particles]) {
   constexpr int W = pack_width<T>;
-  bool inside = true;
+  Pack<T> outside = Pack<T>::Zero();
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> lanes(geometry, first_node, x, p);
-    inside = inside && lanes.inside();
+    outside += lanes.outside();
     for (int a = 0; a < Dim; ++a) {
       prefetch_next_chunk(x[a], p);
       if (W > 8) prefetch_next_chunk(x[a] + 8, p);
@@ -40,7 +40,7 @@ void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, con
     for (int a = 0; a < Dim; ++a) store(centre[a] + (p - begin), lanes.centre[a]);
     lanes.write(rows + (p - begin));
   }
-  if (!inside) throw_drifted_out();
+  require_inside(outside);
 }
 
 // value = sum w x, slope[b] = sum w (n_b - 1) x.

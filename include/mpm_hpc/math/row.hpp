@@ -85,6 +85,32 @@ struct Row<float> {
   friend Row operator*(float s, Row x) { return {s * x.a}; }
 };
 
+// The sums over the nodes of four rows, one quad behind the other. The rows are folded into each other, which takes half
+// the shuffles of four sums by themselves.
+inline void store_sums(const Row<double>& r0, const Row<double>& r1, const Row<double>& r2, const Row<double>& r3,
+                       double* out) {
+  using V = Row<double>::V;
+  const V s0 = r0.a + r0.b, s1 = r1.a + r1.b, s2 = r2.a + r2.b, s3 = r3.a + r3.b;
+  const V first = __builtin_shufflevector(s0, s1, 0, 1, 2, 3, 8, 9, 10, 11) +
+                  __builtin_shufflevector(s0, s1, 4, 5, 6, 7, 12, 13, 14, 15);
+  const V second = __builtin_shufflevector(s2, s3, 0, 1, 2, 3, 8, 9, 10, 11) +
+                   __builtin_shufflevector(s2, s3, 4, 5, 6, 7, 12, 13, 14, 15);
+  std::memcpy(out, &first, sizeof(V));
+  std::memcpy(out + 8, &second, sizeof(V));
+}
+inline void store_sums(const Row<float>& r0, const Row<float>& r1, const Row<float>& r2, const Row<float>& r3,
+                       float* out) {
+  using V = Row<float>::V;
+  const auto halves = [](const V& x, const V& y) {  // x0 + x2, x1 + x3, y0 + y2, y1 + y3 by quads
+    return __builtin_shufflevector(x, y, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23) +
+           __builtin_shufflevector(x, y, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
+  };
+  const V x = halves(r0.a, r1.a), y = halves(r2.a, r3.a);
+  const V sum = __builtin_shufflevector(x, y, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27) +
+                __builtin_shufflevector(x, y, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
+  std::memcpy(out, &sum, sizeof(V));
+}
+
 // f(integral_constant<0>) ... f(integral_constant<N - 1>), written out: what depends on the number is decided when compiled.
 template <int N, class F>
 inline void unrolled(F&& f) {
@@ -119,6 +145,32 @@ inline V interleave(const V& a, const V& b, std::integer_sequence<int, I...>) {
                                  (Half * W / 2 + I / (2 * Step) * Step + I % Step + (I / Step % 2 == 1 ? W : 0))...);
 }
 
+// W / 4 quads, one behind the other.
+template <class T, int W>
+inline auto join_quads(const T* quads, int stride) {
+  const Quad<T> a = load_quad(quads), b = load_quad(quads + stride);
+  const auto two = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+  if constexpr (W == 8) {
+    return two;
+  } else {
+    static_assert(W == 16);
+    const Quad<T> c = load_quad(quads + 2 * stride), d = load_quad(quads + 3 * stride);
+    const auto more = __builtin_shufflevector(c, d, 0, 1, 2, 3, 4, 5, 6, 7);
+    return __builtin_shufflevector(two, more, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  }
+}
+
+// Numbers First and First + 1 of each four of two packs; and each second number, from First on, of two packs: the shuffles
+// of a transpose the other way.
+template <int First, int W, int... I, class V>
+inline V pairs_of_fours(const V& a, const V& b, std::integer_sequence<int, I...>) {
+  return __builtin_shufflevector(a, b, (I % (W / 2) / 2 * 4 + I % 2 + First + (I < W / 2 ? 0 : W))...);
+}
+template <int First, int W, int... I, class V>
+inline V each_second(const V& a, const V& b, std::integer_sequence<int, I...>) {
+  return __builtin_shufflevector(a, b, (I % (W / 2) * 2 + First + (I < W / 2 ? 0 : W))...);
+}
+
 }  // namespace detail
 
 // Four packs of W numbers become W quads, quad l made of the lanes l, the one after the other `stride` numbers apart: from
@@ -146,6 +198,35 @@ inline void packs_to_quads(const T* a, const T* b, const T* c, const T* d, T* qu
   for (int l = 0; l < W; ++l) {
     const Quad<T> q{a[l], b[l], c[l], d[l]};
     std::memcpy(quads + l * stride, &q, sizeof(q));
+  }
+#endif
+}
+
+// The other way: W quads, `stride` numbers apart, become four packs.
+template <class T, int W>
+inline void quads_to_packs(const T* quads, int stride, T* a, T* b, T* c, T* d) {
+#ifdef __AVX512F__
+  using V __attribute__((vector_size(W * sizeof(T)))) = T;
+  constexpr auto lanes = std::make_integer_sequence<int, W>();
+  V q[4], ab[2], cd[2];
+  // In registers: numbers written to memory in parts can't be read back at once without waiting.
+  for (int n = 0; n < 4; ++n) q[n] = detail::join_quads<T, W>(quads + n * (W / 4) * stride, stride);
+  for (int h = 0; h < 2; ++h) {
+    ab[h] = detail::pairs_of_fours<0, W>(q[2 * h], q[2 * h + 1], lanes);
+    cd[h] = detail::pairs_of_fours<2, W>(q[2 * h], q[2 * h + 1], lanes);
+  }
+  const V packs[4] = {detail::each_second<0, W>(ab[0], ab[1], lanes), detail::each_second<1, W>(ab[0], ab[1], lanes),
+                      detail::each_second<0, W>(cd[0], cd[1], lanes), detail::each_second<1, W>(cd[0], cd[1], lanes)};
+  std::memcpy(a, &packs[0], sizeof(V));
+  std::memcpy(b, &packs[1], sizeof(V));
+  std::memcpy(c, &packs[2], sizeof(V));
+  std::memcpy(d, &packs[3], sizeof(V));
+#else
+  for (int l = 0; l < W; ++l) {
+    a[l] = quads[l * stride];
+    b[l] = quads[l * stride + 1];
+    c[l] = quads[l * stride + 2];
+    d[l] = quads[l * stride + 3];
   }
 #endif
 }

@@ -66,12 +66,15 @@ struct LanePlace {
     for (int l = 0; l < W; ++l) rows[l].tile_node = static_cast<int>(node[l]);
   }
 
-  // False in the lanes' product if a stencil ends outside the tile.
-  bool inside() const {
+  // More than 0 in the lanes whose stencil ends outside the tile, or that are nowhere; 0 in the others. To be summed over a
+  // chunk: to ask all lanes of each pack would take as long as to place them.
+  S outside() const {
     constexpr T last = Tile<Kernel, Dim, T>::side - Kernel::support;
+    const S zero = S::Zero(), one = S::Ones(), below = S::Constant(T(-0.5)), above = S::Constant(last + T(0.5));
+    S sum = zero;
     for (int a = 0; a < Dim; ++a)
-      if (!(first[a].minCoeff() >= 0 && first[a].maxCoeff() <= last)) return false;
-    return true;
+      sum += select_less<S>(below, first[a], select_less<S>(first[a], above, zero, one), one);
+    return sum;
   }
 };
 
@@ -84,5 +87,9 @@ inline void prefetch_next_chunk(const T* column, Index p) {
 
 // Throws LogicError: sorting came too late, which must never pass unnoticed because the tile would lose momentum.
 [[noreturn]] void throw_drifted_out();
+template <class S>
+inline void require_inside(const S& outside) {
+  if (!(outside.maxCoeff() <= 0)) throw_drifted_out();
+}
 
 }  // namespace mpm
