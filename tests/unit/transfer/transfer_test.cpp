@@ -72,7 +72,7 @@ TYPED_TEST(Transfer, EqualsTheReferenceAfterADriftOfAlmostOneCell) {
 
   const Real dt = 0.01;
   GridFields fields(this->precision);
-  const FieldId nodes = fields.add({.name = "node", .components = 4, .halo_components = Dim + 1});
+  const FieldId nodes = fields.add({.name = "node", .units = "1", .components = 4, .halo_components = Dim + 1});
   fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
   fields.zero(nodes);
   const TransferGrid<Dim, T> grid{geometry, topology, fields.template data<T>(nodes)};
@@ -128,18 +128,34 @@ TYPED_TEST(Transfer, EqualsTheReferenceAfterADriftOfAlmostOneCell) {
   EXPECT_NEAR(sink.all.acceleration, acceleration, 1e-4 * acceleration);
 }
 
+// On either side in each direction, and nowhere; in one lane of a pack.
 TYPED_TEST(Transfer, RefusesAParticleThatDriftedTooFar) {
   constexpr int Dim = TestFixture::Dim;
   using T = typename TestFixture::T;
   Body<Dim> body = make_body<Dim, T>({this->particles[0]}, this->precision);
   const BlockTopology<Dim> topology = order_and_activate(body, this->geometry, this->precision);
-  for (Index p = 0; p < body.particles.size(); ++p) body.particles.template data<Real>(core::position, 0)[p] += 0.51;
   GridFields fields(this->precision);
-  const FieldId nodes = fields.add({.name = "node", .components = 4, .halo_components = Dim + 1});
+  const FieldId nodes = fields.add({.name = "node", .units = "1", .components = 4, .halo_components = Dim + 1});
   fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
   const TransferGrid<Dim, T> grid{this->geometry, topology, fields.template data<T>(nodes)};
   const GivenStress<Dim, T> stress(body, this->particles);
-  EXPECT_THROW(particle_to_grid<QuadraticKernel>(grid, body, all_ranges(body), stress, 0.01), LogicError);
+  const std::vector<int> ranges = all_ranges(body);
+  Recorder sink;
+  const Index p = static_cast<Index>(
+      std::find(body.particles.template data<GlobalIndex>(core::id),
+                body.particles.template data<GlobalIndex>(core::id) + body.particles.size(), 0) -
+      body.particles.template data<GlobalIndex>(core::id));
+  ASSERT_LT(p, body.particles.size());
+  EXPECT_NO_THROW(particle_to_grid<QuadraticKernel>(grid, body, ranges, stress, 0.01));
+  for (int a = 0; a < Dim; ++a)
+    for (const Real way : {-0.51, 0.51, std::numeric_limits<Real>::quiet_NaN(), std::numeric_limits<Real>::infinity()}) {
+      Real& x = body.particles.template data<Real>(core::position, a)[p];
+      const Real at = x;
+      x += way;
+      EXPECT_THROW(particle_to_grid<QuadraticKernel>(grid, body, ranges, stress, 0.01), LogicError) << a << " " << way;
+      EXPECT_THROW(grid_to_particle<QuadraticKernel>(grid, body, ranges, 0.01, sink), LogicError) << a << " " << way;
+      x = at;
+    }
 }
 
 // Angular momentum of the particles, with the part that the affine field carries: L = sum x x m v + m (B^T : eps).
@@ -165,7 +181,7 @@ std::pair<Real, Real> drift_after(int transfers, bool keep_affine) {
   Body<3> body = make_body<3, double>(particles, Precision::double_precision);
   const BlockTopology<3> topology = order_and_activate(body, geometry, Precision::double_precision);
   GridFields fields;
-  const FieldId nodes = fields.add({.name = "node", .components = 4, .halo_components = 4});
+  const FieldId nodes = fields.add({.name = "node", .units = "1", .components = 4, .halo_components = 4});
   fields.resize(static_cast<std::size_t>(topology.size()) * 64);
   const TransferGrid<3, double> grid{geometry, topology, fields.data<double>(nodes)};
   const GivenStress<3, double> stress(body, particles);
@@ -225,7 +241,7 @@ TEST(TransferConservation, AffineFieldIsReproduced) {
   Body<2> body = make_body<2, double>(particles, Precision::double_precision);
   const BlockTopology<2> topology = order_and_activate(body, geometry, Precision::double_precision);
   GridFields fields;
-  const FieldId nodes = fields.add({.name = "node", .components = 4, .halo_components = 3});
+  const FieldId nodes = fields.add({.name = "node", .units = "1", .components = 4, .halo_components = 3});
   fields.resize(static_cast<std::size_t>(topology.size()) * 16);
   fields.zero(nodes);
   const TransferGrid<2, double> grid{geometry, topology, fields.data<double>(nodes)};
