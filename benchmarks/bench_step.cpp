@@ -1,4 +1,4 @@
-// The 3D step: particle-steps per second and core against the plain reference step, and bytes per particle.
+// The step: particle-steps per second and core against the plain reference step, and bytes per particle.
 #include <benchmark/benchmark.h>
 #include <mpi.h>
 
@@ -29,7 +29,7 @@ struct Case {
   bool single = false;
   PlainLaw law = PlainLaw::neo_hookean;
   Phase phase = Phase::none;
-  int cells = 20;  // per direction, with 8 particles each
+  int cells = 20;  // per direction
 };
 
 const char* name_of(PlainLaw law) {
@@ -47,6 +47,8 @@ constexpr Real stretching = 0.02;  // peak speed of the deformation over the wav
 constexpr Real flight = 0.2;       // speed of the flight over the wave speed
 constexpr Real cfl = 0.4;
 constexpr int free_cells = 8;  // around the block
+template <int Dim>
+constexpr int particles_per_cell = Dim == 3 ? 8 : 4;
 constexpr int production_steps = 30, reference_steps = 1, rounds = 7;
 
 struct Elasticity {
@@ -55,20 +57,33 @@ struct Elasticity {
   Real wave_speed = std::sqrt((lambda + 2 * mu) / density);
 };
 
+// The same number in all directions, or the first ones of a list.
+template <int Dim>
+std::string in_each_direction(Real x, Real y, Real z) {
+  return Dim == 2 ? fmt::format("[{}, {}]", x, y) : fmt::format("[{}, {}, {}]", x, y, z);
+}
+template <int Dim>
+std::string in_each_direction(Real x) {
+  return in_each_direction<Dim>(x, x, x);
+}
+
+template <int Dim>
 std::string scene_text(const Case& c) {
   const Real wave = Elasticity().wave_speed, speed = flight * wave;
   const Real lower = free_cells * spacing, upper = lower + c.cells * spacing, end = upper + free_cells * spacing;
   std::string text = fmt::format(
-      "dimension = 3\nprecision = \"{}\"\n"
-      "[domain]\nlower = [0, 0, 0]\nupper = [{}, {}, {}]\n[grid]\nspacing = {}\n[time]\nend = 1\n"
+      "dimension = {}\nprecision = \"{}\"\n"
+      "[domain]\nlower = {}\nupper = {}\n[grid]\nspacing = {}\n[time]\nend = 1\n"
       "[material.block]\nmodel = \"{}\"\ndensity = {}\nyoungs_modulus = {}\npoisson_ratio = {}\n",
-      c.single ? "single" : "double", end, end, end, spacing, name_of(c.law), density, youngs_modulus, poisson_ratio);
+      Dim, c.single ? "single" : "double", in_each_direction<Dim>(0), in_each_direction<Dim>(end), spacing,
+      name_of(c.law), density, youngs_modulus, poisson_ratio);
   // Tough enough that the phase stays near 1.
   if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", 0.1 * youngs_modulus * spacing);
   text += fmt::format(
-      "[[body]]\nname = \"block\"\nmaterial = \"block\"\nparticles_per_cell = 8\njitter = 0.25\n"
-      "velocity = [{}, {}, {}]\n[body.shape]\ntype = \"box\"\nlower = [{}, {}, {}]\nupper = [{}, {}, {}]\n",
-      speed, 0.7 * speed, 0.4 * speed, lower, lower, lower, upper, upper, upper);
+      "[[body]]\nname = \"block\"\nmaterial = \"block\"\nparticles_per_cell = {}\njitter = 0.25\n"
+      "velocity = {}\n[body.shape]\ntype = \"box\"\nlower = {}\nupper = {}\n",
+      particles_per_cell<Dim>, in_each_direction<Dim>(speed, 0.7 * speed, 0.4 * speed), in_each_direction<Dim>(lower),
+      in_each_direction<Dim>(upper));
   if (c.phase != Phase::none) text += "[effect.phase_field]\n";
   if (c.phase == Phase::mobility)
     text += fmt::format("mobility = {}\n", 1e-3 * (1 + flight) * wave / (cfl * spacing));
@@ -76,20 +91,21 @@ std::string scene_text(const Case& c) {
 }
 
 // The program's own step on a state made from a scene.
+template <int Dim>
 class Production {
  public:
   Production(const Communicator& communicator, const Case& c) {
-    Parameters parameters = Parameters::read_text(scene_text(c), "bench_step", {});
+    Parameters parameters = Parameters::read_text(scene_text<Dim>(c), "bench_step", {});
     read_dimension(parameters);
-    scene_ = read_scene<3>(parameters);
+    scene_ = read_scene<Dim>(parameters);
     declare_state(communicator, scene_, state_);
-    StepHooks<3> hooks;
+    StepHooks<Dim> hooks;
     for (auto& effect : scene_.effects) effect->join(hooks);
     StepSizeOptions options;
     options.cfl = cfl;
-    integrator_ = std::make_unique<ExplicitIntegrator<3>>(state_, std::move(hooks), options);
+    integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(state_, std::move(hooks), options);
     create_particles(scene_, state_);
-    with_precision(state_.precision, [&](auto zero) { stretch<decltype(zero)>(c.cells); });
+    with_precision(state_.precision, [&](auto zero) { this->template stretch<decltype(zero)>(c.cells); });
     integrator_->initialise(state_);
     particles_ = count_particles(state_);
   }
@@ -109,24 +125,24 @@ class Production {
       const FieldSet& f = state_.bodies[0].particles;
       for (const FieldId field : {core::velocity, core::velocity_gradient})
         for (int c = 0; c < f.traits(field).components; ++c)
-          for (Index p = 0; p < f.size(); ++p) f.data<T>(field, c)[p] = -f.data<T>(field, c)[p];
+          for (Index p = 0; p < f.size(); ++p) f.template data<T>(field, c)[p] = -f.template data<T>(field, c)[p];
     });
   }
 
-  std::vector<ReferenceParticle<3>> reference_particles() const {
-    return with_precision(state_.precision, [&](auto zero) { return copy_particles<decltype(zero)>(); });
+  std::vector<ReferenceParticle<Dim>> reference_particles() const {
+    return with_precision(state_.precision, [&](auto zero) { return this->template copy_particles<decltype(zero)>(); });
   }
   // A box of the production grid around this rank's particles, with room for their flight.
-  GridGeometry<3> reference_geometry(const std::vector<ReferenceParticle<3>>& particles) const {
-    Vec<3> lower = state_.geometry().upper(), upper = state_.geometry().lower();
-    for (const ReferenceParticle<3>& p : particles) {
+  GridGeometry<Dim> reference_geometry(const std::vector<ReferenceParticle<Dim>>& particles) const {
+    Vec<Dim> lower = state_.geometry().upper(), upper = state_.geometry().lower();
+    for (const ReferenceParticle<Dim>& p : particles) {
       lower = lower.cwiseMin(p.x);
       upper = upper.cwiseMax(p.x);
     }
     return {lower, upper, spacing};
   }
 
-  State<3>& state() { return state_; }
+  State<Dim>& state() { return state_; }
   GlobalIndex particles() const { return particles_; }
   Real bytes_per_particle() const {
     return state_.communicator().sum(static_cast<Real>(memory_use(state_, scene_.effects).total())) /
@@ -149,40 +165,40 @@ class Production {
     const FieldSet& f = state_.bodies[0].particles;
     const Real rate = stretching * Elasticity().wave_speed / (cells * spacing / 2),
                middle = (free_cells + cells / 2.0) * spacing;
-    const Mat<3> gradient = rate * Vec<3>(1, -0.4, 0.3).asDiagonal().toDenseMatrix();
-    for (int a = 0; a < 3; ++a)
+    const Mat<Dim> gradient = rate * Eigen::Vector3d(1, -0.4, 0.3).template head<Dim>().asDiagonal().toDenseMatrix();
+    for (int a = 0; a < Dim; ++a)
       for (Index p = 0; p < f.size(); ++p) {
-        f.data<T>(core::velocity, a)[p] +=
-            static_cast<T>(gradient(a, a) * (f.data<Real>(core::position, a)[p] - middle));
-        f.data<T>(core::velocity_gradient, 4 * a)[p] = static_cast<T>(gradient(a, a));
+        f.template data<T>(core::velocity, a)[p] +=
+            static_cast<T>(gradient(a, a) * (f.template data<Real>(core::position, a)[p] - middle));
+        f.template data<T>(core::velocity_gradient, (Dim + 1) * a)[p] = static_cast<T>(gradient(a, a));
       }
   }
 
   template <class T>
-  std::vector<ReferenceParticle<3>> copy_particles() const {
-    std::vector<ReferenceParticle<3>> particles;
-    const Body<3>& body = state_.bodies[0];
+  std::vector<ReferenceParticle<Dim>> copy_particles() const {
+    std::vector<ReferenceParticle<Dim>> particles;
+    const Body<Dim>& body = state_.bodies[0];
     const FieldSet& f = body.particles;
     for (Index p = 0; p < f.size(); ++p) {
       if (body.is_padding(p)) continue;
-      ReferenceParticle<3>& r = particles.emplace_back();
-      for (int a = 0; a < 3; ++a) {
-        r.x[a] = f.data<Real>(core::position, a)[p];
-        r.v[a] = f.data<T>(core::velocity, a)[p];
-        for (int b = 0; b < 3; ++b) {
-          r.C(a, b) = f.data<T>(core::velocity_gradient, 3 * a + b)[p];
-          r.F(a, b) = f.data<T>(core::deformation_gradient, 3 * a + b)[p];
+      ReferenceParticle<Dim>& r = particles.emplace_back();
+      for (int a = 0; a < Dim; ++a) {
+        r.x[a] = f.template data<Real>(core::position, a)[p];
+        r.v[a] = f.template data<T>(core::velocity, a)[p];
+        for (int b = 0; b < Dim; ++b) {
+          r.C(a, b) = f.template data<T>(core::velocity_gradient, Dim * a + b)[p];
+          r.F(a, b) = f.template data<T>(core::deformation_gradient, Dim * a + b)[p];
         }
       }
-      r.mass = f.data<T>(core::mass)[p];
-      r.volume = f.data<T>(core::volume)[p];
+      r.mass = f.template data<T>(core::mass)[p];
+      r.volume = f.template data<T>(core::volume)[p];
     }
     return particles;
   }
 
-  Scene<3> scene_;
-  State<3> state_;
-  std::unique_ptr<ExplicitIntegrator<3>> integrator_;
+  Scene<Dim> scene_;
+  State<Dim> state_;
+  std::unique_ptr<ExplicitIntegrator<Dim>> integrator_;
   GlobalIndex particles_ = 0;
 };
 
@@ -195,18 +211,19 @@ double seconds_per_step(const Communicator& communicator, Simulation& simulation
   return communicator.max(seconds) / count;
 }
 
+template <int Dim>
 void bench_step(benchmark::State& bench, const Communicator& communicator, const Case& c) {
-  Production production(communicator, c);
-  std::unique_ptr<Production> elastic;
+  Production<Dim> production(communicator, c);
+  std::unique_ptr<Production<Dim>> elastic;
   if (c.phase != Phase::none) {
     Case plain = c;
     plain.phase = Phase::none;
-    elastic = std::make_unique<Production>(communicator, plain);
+    elastic = std::make_unique<Production<Dim>>(communicator, plain);
   }
-  std::vector<ReferenceParticle<3>> particles = production.reference_particles();
-  const GridGeometry<3> reference_geometry = production.reference_geometry(particles);
+  std::vector<ReferenceParticle<Dim>> particles = production.reference_particles();
+  const GridGeometry<Dim> reference_geometry = production.reference_geometry(particles);
   const Elasticity elasticity;
-  ReferenceSimulation<QuadraticKernel, 3> reference(reference_geometry, std::move(particles),
+  ReferenceSimulation<QuadraticKernel, Dim> reference(reference_geometry, std::move(particles),
                                                     {elasticity.mu, elasticity.lambda, c.law});
   const Real reference_dt = cfl * spacing / ((1 + flight + stretching) * elasticity.wave_speed);
 
@@ -275,10 +292,10 @@ void register_benchmarks(const Communicator& communicator, bool large) {
   add("machine", [&communicator](benchmark::State& bench) { bench_machine(bench, communicator); });
   struct Size {
     const char* name;
-    int cells;
+    int cells, dimension;
   };
-  std::vector<Size> sizes = {{"64k", 20}, {"512k", 40}};
-  if (large) sizes.push_back({"4M", 80});
+  std::vector<Size> sizes = {{"64k", 20, 3}, {"512k", 40, 3}, {"2d_512k", 360, 2}};
+  if (large) sizes.push_back({"4M", 80, 3});
   for (const Size& size : sizes)
     for (const bool single : {false, true})
       for (const PlainLaw law : {PlainLaw::neo_hookean, PlainLaw::fixed_corotated, PlainLaw::split_neo_hookean})
@@ -291,7 +308,13 @@ void register_benchmarks(const Communicator& communicator, bool large) {
                           : phase == Phase::mobility ? "phase_mobility"
                                                      : "phase_rate_independent",
                           size.name),
-              [&communicator, c](benchmark::State& bench) { bench_step(bench, communicator, c); });
+              [&communicator, c, size](benchmark::State& bench) {
+                if (size.dimension == 2) {
+                  bench_step<2>(bench, communicator, c);
+                } else {
+                  bench_step<3>(bench, communicator, c);
+                }
+              });
         }
 }
 
