@@ -1,0 +1,207 @@
+// The block that the benchmarks move: elastic, in free flight, on the program's own step or the plain one.
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "machine.hpp"
+#include "mpm_hpc/math/bspline.hpp"
+#include "mpm_hpc/scene/scene.hpp"
+#include "mpm_hpc/simulation/diagnostics.hpp"
+#include "mpm_hpc/simulation/report.hpp"
+#include "mpm_hpc/simulation/setup.hpp"
+#include "mpm_hpc/time/explicit_integrator.hpp"
+#include "reference_step.hpp"
+
+namespace mpm {
+
+enum class Phase { none, mobility, rate_independent };
+
+struct BlockCase {
+  bool single = false;
+  PlainLaw law = PlainLaw::neo_hookean;
+  Phase phase = Phase::none;
+  int cells = 20;  // per direction
+};
+
+inline const char* name_of(PlainLaw law) {
+  switch (law) {
+    case PlainLaw::neo_hookean: return "neo_hookean";
+    case PlainLaw::split_neo_hookean: return "split_neo_hookean";
+    case PlainLaw::fixed_corotated: return "fixed_corotated";
+  }
+  return "";
+}
+
+inline const char* name_of(Phase phase) {
+  switch (phase) {
+    case Phase::none: return "elastic";
+    case Phase::mobility: return "phase_mobility";
+    case Phase::rate_independent: return "phase_rate_independent";
+  }
+  return "";
+}
+
+// An elastic block in free flight that stretches a little. One cell of drift takes about 15 steps.
+constexpr Real spacing = 0.01, density = 1000, youngs_modulus = 1e6, poisson_ratio = 0.3;
+constexpr Real stretching = 0.02;  // peak speed of the deformation over the wave speed
+constexpr Real flight = 0.2;       // speed of the flight over the wave speed
+constexpr Real cfl = 0.4;
+constexpr int free_cells = 8;  // around the block
+template <int Dim>
+constexpr int particles_per_cell = Dim == 3 ? 8 : 4;
+
+struct Elasticity {
+  Real mu = youngs_modulus / (2 * (1 + poisson_ratio));
+  Real lambda = youngs_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
+  Real wave_speed = std::sqrt((lambda + 2 * mu) / density);
+};
+
+// The same number in all directions, or the first ones of a list.
+template <int Dim>
+std::string in_each_direction(Real x, Real y, Real z) {
+  return Dim == 2 ? fmt::format("[{}, {}]", x, y) : fmt::format("[{}, {}, {}]", x, y, z);
+}
+template <int Dim>
+std::string in_each_direction(Real x) {
+  return in_each_direction<Dim>(x, x, x);
+}
+
+template <int Dim>
+std::string scene_text(const BlockCase& c) {
+  const Real wave = Elasticity().wave_speed, speed = flight * wave;
+  const Real lower = free_cells * spacing, upper = lower + c.cells * spacing, end = upper + free_cells * spacing;
+  std::string text = fmt::format(
+      "dimension = {}\nprecision = \"{}\"\n"
+      "[domain]\nlower = {}\nupper = {}\n[grid]\nspacing = {}\n[time]\nend = 1\n"
+      "[material.block]\nmodel = \"{}\"\ndensity = {}\nyoungs_modulus = {}\npoisson_ratio = {}\n",
+      Dim, c.single ? "single" : "double", in_each_direction<Dim>(0), in_each_direction<Dim>(end), spacing,
+      name_of(c.law), density, youngs_modulus, poisson_ratio);
+  // Tough enough that the phase stays near 1.
+  if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", 0.1 * youngs_modulus * spacing);
+  text += fmt::format(
+      "[[body]]\nname = \"block\"\nmaterial = \"block\"\nparticles_per_cell = {}\njitter = 0.25\n"
+      "velocity = {}\n[body.shape]\ntype = \"box\"\nlower = {}\nupper = {}\n",
+      particles_per_cell<Dim>, in_each_direction<Dim>(speed, 0.7 * speed, 0.4 * speed), in_each_direction<Dim>(lower),
+      in_each_direction<Dim>(upper));
+  if (c.phase != Phase::none) text += "[effect.phase_field]\n";
+  if (c.phase == Phase::mobility)
+    text += fmt::format("mobility = {}\n", 1e-3 * (1 + flight) * wave / (cfl * spacing));
+  return text;
+}
+
+// The program's own step on a state made from a scene.
+template <int Dim>
+class ElasticBlock {
+ public:
+  ElasticBlock(const Communicator& communicator, const BlockCase& c) {
+    Parameters parameters = Parameters::read_text(scene_text<Dim>(c), "elastic block", {});
+    read_dimension(parameters);
+    scene_ = read_scene<Dim>(parameters);
+    declare_state(communicator, scene_, state_);
+    StepHooks<Dim> hooks;
+    for (auto& effect : scene_.effects) effect->join(hooks);
+    StepSizeOptions options;
+    options.cfl = cfl;
+    integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(state_, std::move(hooks), options);
+    create_particles(scene_, state_);
+    with_precision(state_.precision, [&](auto zero) { this->template stretch<decltype(zero)>(c.cells); });
+    integrator_->initialise(state_);
+    particles_ = count_particles(state_);
+  }
+
+  void steps(int count) {
+    for (int i = 0; i < count; ++i) {
+      state_.dt = integrator_->stable_step(state_);
+      state_.observed = i == count - 1;
+      integrator_->step(state_);
+    }
+  }
+
+  // Sends the block back where it came from, so that it stays in its small domain.
+  void reverse() {
+    with_precision(state_.precision, [&](auto zero) {
+      using T = decltype(zero);
+      const FieldSet& f = state_.bodies[0].particles;
+      for (const FieldId field : {core::velocity, core::velocity_gradient})
+        for (int c = 0; c < f.traits(field).components; ++c)
+          for (Index p = 0; p < f.size(); ++p) f.template data<T>(field, c)[p] = -f.template data<T>(field, c)[p];
+    });
+  }
+
+  std::vector<ReferenceParticle<Dim>> reference_particles() const {
+    return with_precision(state_.precision, [&](auto zero) { return this->template copy_particles<decltype(zero)>(); });
+  }
+  // A box of the production grid around this rank's particles, with room for their flight.
+  GridGeometry<Dim> reference_geometry(const std::vector<ReferenceParticle<Dim>>& particles) const {
+    Vec<Dim> lower = state_.geometry().upper(), upper = state_.geometry().lower();
+    for (const ReferenceParticle<Dim>& p : particles) {
+      lower = lower.cwiseMin(p.x);
+      upper = upper.cwiseMax(p.x);
+    }
+    return {lower, upper, spacing};
+  }
+
+  State<Dim>& state() { return state_; }
+  GlobalIndex particles() const { return particles_; }
+  Real bytes_per_particle() const {
+    return state_.communicator().sum(static_cast<Real>(memory_use(state_, scene_.effects).total())) /
+           static_cast<Real>(particles_);
+  }
+  // Solves and iterations since the start.
+  SolverWork solver_work() const {
+    SolverWork sum;
+    for (const auto& [name, work] : state_.solvers) {
+      sum.solves += work.solves;
+      sum.iterations += work.iterations;
+    }
+    return sum;
+  }
+
+ private:
+  // A velocity that grows linearly from the middle: alternately longer and thinner, shorter and thicker.
+  template <class T>
+  void stretch(int cells) {
+    const FieldSet& f = state_.bodies[0].particles;
+    const Real rate = stretching * Elasticity().wave_speed / (cells * spacing / 2),
+               middle = (free_cells + cells / 2.0) * spacing;
+    const Mat<Dim> gradient = rate * Eigen::Vector3d(1, -0.4, 0.3).template head<Dim>().asDiagonal().toDenseMatrix();
+    for (int a = 0; a < Dim; ++a)
+      for (Index p = 0; p < f.size(); ++p) {
+        f.template data<T>(core::velocity, a)[p] +=
+            static_cast<T>(gradient(a, a) * (f.template data<Real>(core::position, a)[p] - middle));
+        f.template data<T>(core::velocity_gradient, (Dim + 1) * a)[p] = static_cast<T>(gradient(a, a));
+      }
+  }
+
+  template <class T>
+  std::vector<ReferenceParticle<Dim>> copy_particles() const {
+    std::vector<ReferenceParticle<Dim>> particles;
+    const Body<Dim>& body = state_.bodies[0];
+    const FieldSet& f = body.particles;
+    for (Index p = 0; p < f.size(); ++p) {
+      if (body.is_padding(p)) continue;
+      ReferenceParticle<Dim>& r = particles.emplace_back();
+      for (int a = 0; a < Dim; ++a) {
+        r.x[a] = f.template data<Real>(core::position, a)[p];
+        r.v[a] = f.template data<T>(core::velocity, a)[p];
+        for (int b = 0; b < Dim; ++b) {
+          r.C(a, b) = f.template data<T>(core::velocity_gradient, Dim * a + b)[p];
+          r.F(a, b) = f.template data<T>(core::deformation_gradient, Dim * a + b)[p];
+        }
+      }
+      r.mass = f.template data<T>(core::mass)[p];
+      r.volume = f.template data<T>(core::volume)[p];
+    }
+    return particles;
+  }
+
+  Scene<Dim> scene_;
+  State<Dim> state_;
+  std::unique_ptr<ExplicitIntegrator<Dim>> integrator_;
+  GlobalIndex particles_ = 0;
+};
+
+}  // namespace mpm
