@@ -274,6 +274,36 @@ void Halo<Dim>::finish_fill() {
 }
 
 template <int Dim>
+void Halo<Dim>::fill_blocks(std::vector<char>& flags) {
+  Requests& requests = *requests_;
+  debug_check(!requests.active, "a halo exchange starts while another is under way");
+  requests.sends.clear();
+  requests.receives.clear();
+  constexpr int tag = 3;
+  for (Peer& peer : peers_) {
+    if (peer.ghosts.empty()) continue;
+    peer.receive.resize(peer.ghosts.size());
+    requests.receives.emplace_back();
+    MPI_Irecv(peer.receive.data(), static_cast<int>(peer.receive.size()), MPI_BYTE, peer.rank, tag, requests.comm,
+              &requests.receives.back());
+  }
+  for (Peer& peer : peers_) {
+    if (peer.shared.empty()) continue;
+    peer.send.resize(peer.shared.size());
+    for (std::size_t i = 0; i < peer.shared.size(); ++i) peer.send[i] = flags[peer.shared[i].slot];
+    requests.sends.emplace_back();
+    MPI_Isend(peer.send.data(), static_cast<int>(peer.send.size()), MPI_BYTE, peer.rank, tag, requests.comm,
+              &requests.sends.back());
+    ++messages_;
+    bytes_ += static_cast<GlobalIndex>(peer.send.size());
+  }
+  MPI_Waitall(static_cast<int>(requests.receives.size()), requests.receives.data(), MPI_STATUSES_IGNORE);
+  for (Peer& peer : peers_)
+    for (std::size_t i = 0; i < peer.ghosts.size(); ++i) flags[peer.ghosts[i].slot] = peer.receive[i];
+  MPI_Waitall(static_cast<int>(requests.sends.size()), requests.sends.data(), MPI_STATUSES_IGNORE);
+}
+
+template <int Dim>
 GlobalIndex Halo<Dim>::ghost_nodes() const {
   GlobalIndex count = 0;
   for (const Peer& peer : peers_) count += masked_nodes(peer.ghosts);

@@ -142,6 +142,12 @@ GlobalIndex LinearSolver::set_rows(int local_rows) {
   return first;
 }
 
+GlobalIndex LinearSolver::global_rows() const {
+  PetscInt rows = 0;
+  petsc_check(VecGetSize(impl_->rhs, &rows), "VecGetSize");
+  return rows;
+}
+
 void LinearSolver::assemble(const SparseRows& rows) {
   Impl& s = *impl_;
   static_assert(sizeof(PetscInt) == sizeof(int), "SparseRows holds PETSc's index type");
@@ -179,6 +185,7 @@ int LinearSolver::solve(const std::vector<Real>& rhs, std::vector<Real>& solutio
   Impl& s = *impl_;
   debug_check(static_cast<int>(rhs.size()) == s.local_rows && rhs.size() == solution.size(),
               "right-hand side and solution have as many entries as the rank has rows");
+  if (global_rows() == 0) return 0;
   PetscScalar* out = nullptr;
   petsc_check(VecGetArray(s.rhs, &out), "VecGetArray");
   std::copy(rhs.begin(), rhs.end(), out);

@@ -42,7 +42,7 @@ class Ledger {
 
 // Work of an implicit solve, the same on all ranks.
 struct SolverWork {
-  GlobalIndex solves = 0, iterations = 0;
+  GlobalIndex solves = 0, iterations = 0, unknowns = 0;  // unknowns: the sum over the solves
 };
 
 template <int Dim>

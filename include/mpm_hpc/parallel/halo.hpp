@@ -59,6 +59,9 @@ class Halo {
     finish_fill();
   }
 
+  // Gives the ghost blocks their owners' flags, one byte per block. No other exchange may be under way.
+  void fill_blocks(std::vector<char>& flags);
+
   // Sent by this rank since the start.
   GlobalIndex messages() const { return messages_; }
   GlobalIndex bytes() const { return bytes_; }

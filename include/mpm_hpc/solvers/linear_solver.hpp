@@ -40,6 +40,8 @@ class LinearSolver {
 
   // Sets the rows of this rank and returns the global number of the first one.
   GlobalIndex set_rows(int local_rows);
+  // Of all ranks, after set_rows().
+  GlobalIndex global_rows() const;
 
   // The operator: as rows, copied into a PETSc AIJ matrix ...
   void assemble(const SparseRows& rows);

@@ -61,6 +61,12 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
            "for a -phase_pc_type that needs it.");
   p.real("tolerance", solver_options_.relative_tolerance,
          {.min = 0, .min_exclusive = true, .max = 1, .max_exclusive = true, .doc = "Relative tolerance of the solve."});
+  Real active_tolerance = 1e-6;
+  p.real("active_tolerance", active_tolerance,
+         {.min = 0,
+          .max = 0.1,
+          .doc = "Largest error of c from solving only where particles are driven or damaged, and around; 0 solves everywhere."});
+  active_ = ActiveSet<Dim>(active_tolerance);
   p.integer("max_iterations", solver_options_.max_iterations, {.min = 1, .doc = "Largest number of PCG iterations."});
   p.section_list("crack", SectionOptions("A region that is broken from the start."), [this](Parameters& q, int) {
     cracks_.push_back({q.where(), {}});
@@ -129,7 +135,7 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
   using Sums = typename PhaseSystem<Dim>::Sums;
   const bool same_sum = !mobility_ && !lumped_ && !by_increment_ && form != Form::particles;
   system_ = std::make_unique<PhaseSystem<Dim>>(state, form, same_sum ? Sums::mass_only : Sums::all, solver_options_);
-  system_->set_parts(std::move(system_parts));
+  system_->set_parts(std::move(system_parts), &active_);
 }
 
 template <int Dim>
@@ -164,7 +170,10 @@ void PhaseField<Dim>::initialise(State<Dim>& state) {
 
 template <int Dim>
 void PhaseField<Dim>::join(StepHooks<Dim>& hooks) {
-  hooks.before_p2g.push_back([this](State<Dim>& s) { system_->begin(s); });
+  hooks.before_p2g.push_back([this](State<Dim>& s) {
+    find_active(s);
+    system_->begin(s);
+  });
   hooks.on_p2g.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { scatter(s, b, r); });
   hooks.on_grid.push_back([this](State<Dim>& s) { solve(s); });
   hooks.on_g2p.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { update(s, b, r); });
@@ -191,14 +200,29 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
     history_ = part.history == no_field ? nullptr : f.template data<T>(part.history);
   }
 
+  // Whether c of a particle in the range would differ from 1 by more than the threshold if it were homogeneous, or differs
+  // already; the latter only matters if the equation knows of c^n.
+  bool is_driven(const BlockRange& range, Real threshold, bool with_phase) const {
+    const T low = with_phase ? static_cast<T>(1 - threshold) : T(0);
+    alignas(64) T energy[chunk_particles];
+    for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
+      const Index end = std::min<Index>(begin + chunk_particles, range.end);
+      driving_energy(begin, end, energy);
+      T most = 0, least = 1;
+      for (Index p = begin; p < end; ++p) {
+        most = std::max(most, energy[p - begin]);
+        least = std::min(least, phase_[p]);
+      }
+      if (law_.drive(static_cast<Real>(most)) > threshold || least < low) return true;
+    }
+    return false;
+  }
+
   void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) override {
     using S = Pack<T>;
     using System = PhaseSystem<Dim>;
     T* energy = q[System::mass_term];
-    material_.energy_plus(F_, begin, end, energy);
-    if (history_)
-      for (Index p = begin; p < end; ++p) energy[p - begin] = std::max(history_[p], energy[p - begin]);
-    if (running_maximum_) std::copy(energy, energy + (end - begin), history_ + begin);
+    driving_energy(begin, end, energy);
     for (Index p = begin; p < end; p += pack_width<T>) {
       const Index i = p - begin;
       Tensor<S, Dim> F;
@@ -225,6 +249,13 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
   }
 
  private:
+  void driving_energy(Index begin, Index end, T* energy) const {
+    material_.energy_plus(F_, begin, end, energy);
+    if (history_)
+      for (Index p = begin; p < end; ++p) energy[p - begin] = std::max(history_[p], energy[p - begin]);
+    if (running_maximum_) std::copy(energy, energy + (end - begin), history_ + begin);
+  }
+
   const Material<Dim>& material_;
   const PhaseLaw& law_;
   Real dt_;
@@ -235,12 +266,25 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
 };
 
 template <int Dim>
+void PhaseField<Dim>::find_active(State<Dim>& state) {
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    std::vector<typename ActiveSet<Dim>::Candidate> candidates;
+    for (const BodyPart& part : parts_)
+      candidates.push_back({part.body, [this, source = Source<T>(state, part, running_maximum_, lumped_)](
+                                           const BlockRange& range) { return source.is_driven(range, active_.threshold(), mobility_ || by_increment_);
+                                           }});
+    active_.find(state, candidates, active_.reach(parts_.front().law.decay_length(state.dt) / state.geometry().spacing()));
+  });
+}
+
+template <int Dim>
 void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges) {
   if (part_of_body_[body] < 0) return;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     Source<T> source(state, parts_[part_of_body_[body]], running_maximum_, lumped_);
-    system_->scatter(state, body, ranges, source);
+    system_->scatter(state, body, active_.select(state.bodies[body], ranges), source);
   });
 }
 
@@ -254,6 +298,7 @@ void PhaseField<Dim>::solve(State<Dim>& state) {
   SolverWork& work = state.solvers["phase_field"];
   ++work.solves;
   work.iterations += iterations;
+  work.unknowns += system_->unknowns();
   iterations_since_row_ += iterations;
 }
 
@@ -290,10 +335,11 @@ void PhaseField<Dim>::update(State<Dim>& state, std::size_t body, const std::vec
     sink.kept = by_increment_ ? T(1) : T(0);
     sink.law = &part.law;
     const T* result = state.fields.template data<T>(system_->result());
+    const std::vector<int> active = active_.select(state.bodies[body], ranges);
     if (crack_energy_known_) {
-      gather_scalar<Kernel>(grid, state.bodies[body], ranges, result, sink);
+      gather_scalar<Kernel>(grid, state.bodies[body], active, result, sink);
     } else {
-      gather_value<Kernel>(grid, state.bodies[body], ranges, result, sink);
+      gather_value<Kernel>(grid, state.bodies[body], active, result, sink);
     }
     crack_energy_ += sink.energy;
   });

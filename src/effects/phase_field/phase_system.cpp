@@ -130,7 +130,8 @@ void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
     const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
     for (const Part& part : parts_) {
       const Body<Dim>& body = state.bodies[part.body];
-      apply_operator<Kernel>(grid, body, edge ? body.boundary : body.interior, columns<T>(state, part), in, out);
+      apply_operator<Kernel>(grid, body, active_->select(body, edge ? body.boundary : body.interior), columns<T>(state, part),
+                             in, out);
     }
   }
   state.halo().sum(state.fields, {product_});

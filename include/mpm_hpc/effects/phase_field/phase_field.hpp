@@ -7,6 +7,7 @@
 
 #include "mpm_hpc/base/parameters.hpp"
 #include "mpm_hpc/effects/effect.hpp"
+#include "mpm_hpc/effects/phase_field/active_set.hpp"
 #include "mpm_hpc/effects/phase_field/phase_law.hpp"
 #include "mpm_hpc/effects/phase_field/phase_system.hpp"
 #include "mpm_hpc/math/shape.hpp"
@@ -25,7 +26,7 @@ class PhaseField final : public Effect<Dim> {
   void history(State<Dim>& state, std::vector<HistoryValue>& row) override;
   void save(std::map<std::string, std::vector<Real>>& numbers) const override;
   void restore(const std::map<std::string, std::vector<Real>>& numbers) override;
-  std::size_t allocated_bytes() const override { return system_ ? system_->allocated_bytes() : 0; }
+  std::size_t allocated_bytes() const override { return system_ ? system_->allocated_bytes() + active_.allocated_bytes() : 0; }
 
  private:
   // What the effect knows of a body that can fracture.
@@ -40,6 +41,7 @@ class PhaseField final : public Effect<Dim> {
   template <class T>
   class PhaseOnly;
 
+  void find_active(State<Dim>& state);
   void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
   void solve(State<Dim>& state);
   void update(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
@@ -53,6 +55,7 @@ class PhaseField final : public Effect<Dim> {
   bool running_maximum_ = false, corrected_ = true, lumped_ = false, by_increment_ = false;
   std::string operator_ = "auto";
   LinearSolverOptions solver_options_;
+  ActiveSet<Dim> active_{0};
   struct Crack {
     std::string where;  // in the scene file
     Shape<Dim> shape;

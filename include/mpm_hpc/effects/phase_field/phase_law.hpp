@@ -2,6 +2,8 @@
 // rate-independent limit is just another value.
 #pragma once
 
+#include <cmath>
+
 #include "mpm_hpc/math/simd.hpp"
 
 namespace mpm {
@@ -27,6 +29,8 @@ struct PhaseLaw {
   }
   // The energy at which a homogeneous c = 1 / (1 + 4 l0 (1 - r) H / G_c) has this value.
   double energy_for(double phase) const { return (1 / phase - 1) * toughness / (4 * length * (1 - residual)); }
+  // L_s = 2 l0 sqrt(M_c dt / (1 + M_c dt)), over which a disturbance of c decays in one step [m].
+  double decay_length(double dt) const { return 2 * length / std::sqrt(storage(dt)); }
   double conductivity() const { return 4 * length * length; }
   // G_c ((c - 1)^2 / (4 l0) + l0 |grad c|^2) [J/m^3].
   double energy_density(double phase, double gradient_squared) const {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "mpm_hpc/effects/phase_field/active_set.hpp"
 #include "mpm_hpc/effects/state.hpp"
 #include "mpm_hpc/solvers/linear_solver.hpp"
 #include "mpm_hpc/transfer/operator_stencil.hpp"
@@ -29,7 +30,11 @@ class PhaseSystem {
   // result is a value. Then values() is for project_phase() only.
   enum class Sums { all, mass_only };
   PhaseSystem(State<Dim>& state, Form form, Sums sums, const LinearSolverOptions& options);
-  void set_parts(std::vector<Part> parts) { parts_ = std::move(parts); }
+  // Rows and products are those of the active blocks.
+  void set_parts(std::vector<Part> parts, const ActiveSet<Dim>* active) {
+    parts_ = std::move(parts);
+    active_ = active;
+  }
 
   // Forgets the last step's operator; before the step's first scatter.
   void begin(const State<Dim>& state);
@@ -55,7 +60,7 @@ class PhaseSystem {
   void project_phase(State<Dim>& state);
 
   std::size_t allocated_bytes() const;
-  GlobalIndex unknowns() const { return static_cast<GlobalIndex>(rows_.size()); }  // of this rank, last solve
+  GlobalIndex unknowns() const { return solver_.global_rows(); }  // of all ranks, last solve
 
  private:
   template <class T>
@@ -78,6 +83,7 @@ class PhaseSystem {
   Sums sums_;
   LinearSolver solver_;
   std::vector<Part> parts_;
+  const ActiveSet<Dim>* active_ = nullptr;
   FieldId values_, mass_sum_ = no_field, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
   std::vector<std::size_t> rows_;  // node of each row: slot * nodes_per_block + node in block
   std::vector<Real> mass_, rhs_, solution_, start_;
