@@ -17,10 +17,10 @@ void bench_step(benchmark::State& bench, const Communicator& communicator, const
     plain.phase = Phase::none;
     elastic = std::make_unique<ElasticBlock<Dim>>(communicator, plain);
   }
-  std::vector<ReferenceParticle<Dim>> particles = production.reference_particles();
-  const GridGeometry<Dim> reference_geometry = production.reference_geometry(particles);
+  std::vector<ReferenceParticle<Dim>> particles = reference_particles(production.state());
+  const GridGeometry<Dim> geometry = reference_geometry(production.state(), particles);
   const Elasticity elasticity;
-  ReferenceSimulation<QuadraticKernel, Dim> reference(reference_geometry, std::move(particles),
+  ReferenceSimulation<QuadraticKernel, Dim> reference(geometry, std::move(particles),
                                                     {elasticity.mu, elasticity.lambda, c.law});
   const Real reference_dt = cfl * spacing / ((1 + flight + stretching) * elasticity.wave_speed);
 
@@ -67,13 +67,10 @@ void bench_step(benchmark::State& bench, const Communicator& communicator, const
 }
 
 void register_cases(const Communicator& communicator, const BenchOptions& options) {
-  struct Size {
-    const char* name;
-    int cells, dimension;
-  };
-  std::vector<Size> sizes = {{"64k", 20, 3}, {"512k", 40, 3}, {"2d_512k", 360, 2}};
+  std::vector<BlockSize> sizes = block_sizes(options);
+  std::erase_if(sizes, [](const BlockSize& size) { return std::string_view(size.name) == "2d_64k"; });
   if (options.large) sizes.push_back({"4M", 80, 3});
-  for (const Size& size : sizes)
+  for (const BlockSize& size : sizes)
     for (const bool single : {false, true})
       for (const PlainLaw law : {PlainLaw::neo_hookean, PlainLaw::fixed_corotated, PlainLaw::split_neo_hookean})
         for (const Phase phase : {Phase::none, Phase::mobility, Phase::rate_independent}) {
@@ -82,11 +79,7 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
           add_case(fmt::format("step/{}/{}/{}/{}", single ? "single" : "double", name_of(law), name_of(phase),
                                size.name),
                    [&communicator, c, size](benchmark::State& bench) {
-                     if (size.dimension == 2) {
-                       bench_step<2>(bench, communicator, c);
-                     } else {
-                       bench_step<3>(bench, communicator, c);
-                     }
+                     with_dimension(size.dimension, [&](auto dim) { bench_step<dim>(bench, communicator, c); });
                    });
         }
 }

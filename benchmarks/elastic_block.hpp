@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "machine.hpp"
+#include "harness.hpp"
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/scene/scene.hpp"
 #include "mpm_hpc/simulation/diagnostics.hpp"
@@ -53,6 +53,25 @@ constexpr int free_cells = 8;  // around the block
 template <int Dim>
 constexpr int particles_per_cell = Dim == 3 ? 8 : 4;
 
+// Blocks by the number of their particles.
+struct BlockSize {
+  const char* name;
+  int cells, dimension;  // cells per direction
+};
+inline std::vector<BlockSize> block_sizes(const BenchOptions& options) {
+  if (options.small) return {{"8k", 10, 3}, {"2d_8k", 45, 2}};
+  return {{"64k", 20, 3}, {"512k", 40, 3}, {"2d_64k", 128, 2}, {"2d_512k", 360, 2}};
+}
+
+// Calls f with the dimension as a compile-time constant.
+void with_dimension(int dimension, auto&& f) {
+  if (dimension == 2) {
+    f(std::integral_constant<int, 2>());
+  } else {
+    f(std::integral_constant<int, 3>());
+  }
+}
+
 struct Elasticity {
   Real mu = youngs_modulus / (2 * (1 + poisson_ratio));
   Real lambda = youngs_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
@@ -90,6 +109,48 @@ std::string scene_text(const BlockCase& c) {
   if (c.phase == Phase::mobility)
     text += fmt::format("mobility = {}\n", 1e-3 * (1 + flight) * wave / (cfl * spacing));
   return text;
+}
+
+// Calls f(particles, particle number) for this rank's particles without padding.
+template <int Dim, class F>
+void for_particles(const State<Dim>& state, F&& f) {
+  for (const Body<Dim>& body : state.bodies)
+    for (Index p = 0; p < body.particles.size(); ++p)
+      if (!body.is_padding(p)) f(body.particles, p);
+}
+
+// This rank's particles, one behind the other as plain code keeps them.
+template <int Dim>
+std::vector<ReferenceParticle<Dim>> reference_particles(const State<Dim>& state) {
+  std::vector<ReferenceParticle<Dim>> particles;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for_particles(state, [&particles](const FieldSet& f, Index p) {
+      ReferenceParticle<Dim>& r = particles.emplace_back();
+      for (int a = 0; a < Dim; ++a) {
+        r.x[a] = f.template data<Real>(core::position, a)[p];
+        r.v[a] = f.template data<T>(core::velocity, a)[p];
+        for (int b = 0; b < Dim; ++b) {
+          r.C(a, b) = f.template data<T>(core::velocity_gradient, Dim * a + b)[p];
+          r.F(a, b) = f.template data<T>(core::deformation_gradient, Dim * a + b)[p];
+        }
+      }
+      r.mass = f.template data<T>(core::mass)[p];
+      r.volume = f.template data<T>(core::volume)[p];
+    });
+  });
+  return particles;
+}
+
+// A box of the production grid around this rank's particles, with room for their flight.
+template <int Dim>
+GridGeometry<Dim> reference_geometry(const State<Dim>& state, const std::vector<ReferenceParticle<Dim>>& particles) {
+  Vec<Dim> lower = state.geometry().upper(), upper = state.geometry().lower();
+  for (const ReferenceParticle<Dim>& p : particles) {
+    lower = lower.cwiseMin(p.x);
+    upper = upper.cwiseMax(p.x);
+  }
+  return {lower, upper, spacing};
 }
 
 // The program's own step on a state made from a scene.
@@ -131,19 +192,6 @@ class ElasticBlock {
     });
   }
 
-  std::vector<ReferenceParticle<Dim>> reference_particles() const {
-    return with_precision(state_.precision, [&](auto zero) { return this->template copy_particles<decltype(zero)>(); });
-  }
-  // A box of the production grid around this rank's particles, with room for their flight.
-  GridGeometry<Dim> reference_geometry(const std::vector<ReferenceParticle<Dim>>& particles) const {
-    Vec<Dim> lower = state_.geometry().upper(), upper = state_.geometry().lower();
-    for (const ReferenceParticle<Dim>& p : particles) {
-      lower = lower.cwiseMin(p.x);
-      upper = upper.cwiseMax(p.x);
-    }
-    return {lower, upper, spacing};
-  }
-
   State<Dim>& state() { return state_; }
   GlobalIndex particles() const { return particles_; }
   Real bytes_per_particle() const {
@@ -174,28 +222,6 @@ class ElasticBlock {
             static_cast<T>(gradient(a, a) * (f.template data<Real>(core::position, a)[p] - middle));
         f.template data<T>(core::velocity_gradient, (Dim + 1) * a)[p] = static_cast<T>(gradient(a, a));
       }
-  }
-
-  template <class T>
-  std::vector<ReferenceParticle<Dim>> copy_particles() const {
-    std::vector<ReferenceParticle<Dim>> particles;
-    const Body<Dim>& body = state_.bodies[0];
-    const FieldSet& f = body.particles;
-    for (Index p = 0; p < f.size(); ++p) {
-      if (body.is_padding(p)) continue;
-      ReferenceParticle<Dim>& r = particles.emplace_back();
-      for (int a = 0; a < Dim; ++a) {
-        r.x[a] = f.template data<Real>(core::position, a)[p];
-        r.v[a] = f.template data<T>(core::velocity, a)[p];
-        for (int b = 0; b < Dim; ++b) {
-          r.C(a, b) = f.template data<T>(core::velocity_gradient, Dim * a + b)[p];
-          r.F(a, b) = f.template data<T>(core::deformation_gradient, Dim * a + b)[p];
-        }
-      }
-      r.mass = f.template data<T>(core::mass)[p];
-      r.volume = f.template data<T>(core::volume)[p];
-    }
-    return particles;
   }
 
   Scene<Dim> scene_;

@@ -10,6 +10,7 @@
 
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/solvers/petsc_session.hpp"
+#include "roofline.hpp"
 
 namespace mpm {
 
@@ -18,12 +19,10 @@ namespace {
 void bench_machine(benchmark::State& bench, const Communicator& communicator) {
   for (auto unused : bench) {
     (void)unused;
-    communicator.barrier();
-    const double arithmetic = communicator.sum(fma_gflops()) / communicator.size();
-    communicator.barrier();
-    const double memory = communicator.sum(triad_gb_per_s()) / communicator.size();
-    bench.counters["fma_gflops"] = arithmetic;
-    bench.counters["triad_gb_per_s"] = memory;
+    const MachineLimits& limits = machine_limits(communicator);
+    bench.counters["fma_gflops"] = limits.fma_double;
+    bench.counters["fma_single_gflops"] = limits.fma_single;
+    bench.counters["triad_gb_per_s"] = limits.triad;
     bench.counters["ranks"] = communicator.size();
     bench.SetIterationTime(1);
   }
@@ -47,6 +46,8 @@ int run(int argc, char** argv,
     const std::string_view argument = argv[i];
     if (argument == "--large") {
       options.large = true;
+    } else if (argument == "--small") {
+      options.small = true;
     } else if (argument == "--cpu_time") {
       clock_of_benchmarks = CLOCK_PROCESS_CPUTIME_ID;
     } else if (argument.substr(0, directory.size()) == directory) {

@@ -14,6 +14,7 @@ namespace mpm {
 
 struct BenchOptions {
   bool large = false;     // --large: also the cases that need minutes or gigabytes
+  bool small = false;     // --small: only cases of a few thousand particles, to see that the program works
   std::string directory;  // --directory=DIR: where files are written; empty: the working directory
 };
 
@@ -28,8 +29,8 @@ std::vector<std::vector<double>> time_in_turns(const Communicator& communicator,
 // Median over the rounds of times[over][r] / times[under][r].
 double median_ratio(const std::vector<std::vector<double>>& times, std::size_t over, std::size_t under);
 
-// The body of main(): MPI, PETSc, options (--large, --cpu_time, --directory=DIR, and Google Benchmark's), the case
-// "machine" with triad_gb_per_s and fma_gflops, and those that `register_cases` adds. Only rank 0 prints.
+// The body of main(): MPI, PETSc, options (--large, --small, --cpu_time, --directory=DIR, and Google Benchmark's), the case
+// "machine" with its roofline, and those that `register_cases` adds. Only rank 0 prints.
 int run_benchmarks(int argc, char** argv,
                    const std::function<void(const Communicator&, const BenchOptions&)>& register_cases);
 

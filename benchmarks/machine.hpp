@@ -48,20 +48,21 @@ inline double triad_gb_per_s() {
   return *std::max_element(rates.begin(), rates.end());
 }
 
-// Independent multiply-adds in double, in the widest registers that the program is compiled for [Gflop/s].
-inline double fma_gflops() {
+// Independent multiply-adds, in the widest registers that the program is compiled for [Gflop/s].
+template <class T>
+double fma_gflops() {
 #ifdef __AVX512F__
-  constexpr int lanes = 8;
+  constexpr int lanes = 64 / sizeof(T);
 #else
-  constexpr int lanes = 4;
+  constexpr int lanes = 32 / sizeof(T);
 #endif
-  using V __attribute__((vector_size(lanes * sizeof(double)))) = double;
+  using V __attribute__((vector_size(lanes * sizeof(T)))) = T;
   constexpr int chains = 10;  // at least latency times units, few enough to stay in sixteen registers
   constexpr int repeats = 2'000'000;
   std::vector<double> rates;
   for (int repeat = 0; repeat < 30; ++repeat) {
-    V sum[chains], factor = V{} + 0.999999, term = V{} + 1e-6;
-    for (int c = 0; c < chains; ++c) sum[c] = V{} + c;
+    V sum[chains], factor = V{} + T(0.999999), term = V{} + T(1e-6);
+    for (int c = 0; c < chains; ++c) sum[c] = V{} + T(c);
     asm volatile("" : "+v"(factor), "+v"(term));
     const double seconds = seconds_of([&] {
       for (int i = 0; i < repeats; ++i)
