@@ -183,7 +183,7 @@ void register_scalar(const Communicator& communicator, const char* size, int cou
 
 void register_cases(const Communicator& communicator, const BenchOptions& options) {
   using Size = std::pair<const char*, int>;
-  for (const auto& [name, count] : options.small ? std::vector<Size>{{"8k", 8192}}
+  for (const auto& [name, count] : options.small ? std::vector<Size>{{"2k", 2048}}
                                                  : std::vector<Size>{{"64k", 65536}, {"512k", 524288}}) {
     register_scalar<3, double>(communicator, name, count);
     register_scalar<3, float>(communicator, name, count);

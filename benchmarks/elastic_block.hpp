@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "harness.hpp"
+#include "mpm_hpc/effects/phase_field/phase_law.hpp"
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/scene/scene.hpp"
 #include "mpm_hpc/simulation/diagnostics.hpp"
@@ -24,6 +25,8 @@ struct BlockCase {
   PlainLaw law = PlainLaw::neo_hookean;
   Phase phase = Phase::none;
   int cells = 20;  // per direction
+  const char* phase_operator = "auto";
+  bool half_broken = false;  // with a phase field: c = 0 in the lower half of the block
 };
 
 inline const char* name_of(PlainLaw law) {
@@ -59,7 +62,7 @@ struct BlockSize {
   int cells, dimension;  // cells per direction
 };
 inline std::vector<BlockSize> block_sizes(const BenchOptions& options) {
-  if (options.small) return {{"8k", 10, 3}, {"2d_8k", 45, 2}};
+  if (options.small) return {{"2k", 6, 3}, {"2d_2k", 22, 2}};
   return {{"64k", 20, 3}, {"512k", 40, 3}, {"2d_64k", 128, 2}, {"2d_512k", 360, 2}};
 }
 
@@ -77,6 +80,14 @@ struct Elasticity {
   Real lambda = youngs_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
   Real wave_speed = std::sqrt((lambda + 2 * mu) / density);
 };
+
+// Tough enough that the phase stays near 1 where it is intact.
+inline PhaseLaw phase_law(Phase phase) {
+  PhaseLaw law{.length = spacing / 2, .residual = 1e-3, .toughness = 0.1 * youngs_modulus * spacing};
+  if (phase == Phase::mobility)
+    law.inverse_mobility = 1e3 * cfl * spacing / ((1 + flight) * Elasticity().wave_speed);
+  return law;
+}
 
 // The same number in all directions, or the first ones of a list.
 template <int Dim>
@@ -98,16 +109,22 @@ std::string scene_text(const BlockCase& c) {
       "[material.block]\nmodel = \"{}\"\ndensity = {}\nyoungs_modulus = {}\npoisson_ratio = {}\n",
       Dim, c.single ? "single" : "double", in_each_direction<Dim>(0), in_each_direction<Dim>(end), spacing,
       name_of(c.law), density, youngs_modulus, poisson_ratio);
-  // Tough enough that the phase stays near 1.
-  if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", 0.1 * youngs_modulus * spacing);
+  const PhaseLaw law = phase_law(c.phase);
+  if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", law.toughness);
   text += fmt::format(
       "[[body]]\nname = \"block\"\nmaterial = \"block\"\nparticles_per_cell = {}\njitter = 0.25\n"
       "velocity = {}\n[body.shape]\ntype = \"box\"\nlower = {}\nupper = {}\n",
       particles_per_cell<Dim>, in_each_direction<Dim>(speed, 0.7 * speed, 0.4 * speed), in_each_direction<Dim>(lower),
       in_each_direction<Dim>(upper));
-  if (c.phase != Phase::none) text += "[effect.phase_field]\n";
-  if (c.phase == Phase::mobility)
-    text += fmt::format("mobility = {}\n", 1e-3 * (1 + flight) * wave / (cfl * spacing));
+  if (c.phase != Phase::none)
+    text += fmt::format(
+        "[effect.phase_field]\nlength_scale = {}\nresidual = {}\ncorrected_toughness = false\noperator = \"{}\"\n", law.length,
+        law.residual, c.phase_operator);
+  if (c.phase == Phase::mobility) text += fmt::format("mobility = {}\n", 1 / law.inverse_mobility);
+  if (c.half_broken)
+    text += fmt::format("[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = {}, upper = {}}}\n",
+                        in_each_direction<Dim>(lower - spacing),
+                        in_each_direction<Dim>((lower + upper) / 2, upper + spacing, upper + spacing));
   return text;
 }
 

@@ -2,8 +2,10 @@
 
 #include <mpi.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <limits>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -15,6 +17,8 @@
 namespace mpm {
 
 namespace {
+
+int most_rounds = std::numeric_limits<int>::max();
 
 void bench_machine(benchmark::State& bench, const Communicator& communicator) {
   for (auto unused : bench) {
@@ -48,6 +52,7 @@ int run(int argc, char** argv,
       options.large = true;
     } else if (argument == "--small") {
       options.small = true;
+      most_rounds = 1;
     } else if (argument == "--cpu_time") {
       clock_of_benchmarks = CLOCK_PROCESS_CPUTIME_ID;
     } else if (argument.substr(0, directory.size()) == directory) {
@@ -87,6 +92,7 @@ void add_case(const std::string& name, std::function<void(benchmark::State&)> ru
 
 std::vector<std::vector<double>> time_in_turns(const Communicator& communicator, int rounds,
                                                const std::vector<std::function<void()>>& variants) {
+  rounds = std::min(rounds, most_rounds);
   std::vector<std::vector<double>> times(variants.size());
   for (int round = 0; round <= rounds; ++round)
     for (std::size_t i = 0; i < variants.size(); ++i) {

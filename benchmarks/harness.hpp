@@ -14,7 +14,7 @@ namespace mpm {
 
 struct BenchOptions {
   bool large = false;     // --large: also the cases that need minutes or gigabytes
-  bool small = false;     // --small: only cases of a few thousand particles, to see that the program works
+  bool small = false;     // --small: only cases of few particles, with one round each, to see that the program works
   std::string directory;  // --directory=DIR: where files are written; empty: the working directory
 };
 
@@ -22,7 +22,7 @@ struct BenchOptions {
 void add_case(const std::string& name, std::function<void(benchmark::State&)> run);
 
 // Times `variants` in turns, because other work on the machine comes and goes: one round to warm up, then `rounds`
-// that count. Returns seconds[variant][round] of the slowest rank. Collective.
+// that count (one with --small). Returns seconds[variant][round] of the slowest rank. Collective.
 std::vector<std::vector<double>> time_in_turns(const Communicator& communicator, int rounds,
                                                const std::vector<std::function<void()>>& variants);
 

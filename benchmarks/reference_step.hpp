@@ -28,9 +28,19 @@ struct ReferenceMaterial {
       return 2 * mu * (F - R) * F.transpose() + lambda * (J - 1) * J * identity;
     }
     if (law == PlainLaw::neo_hookean) return mu * (b - identity) + lambda * std::log(J) * identity;
-    const Real kappa = lambda + 2 * mu / Dim;
     const Mat<Dim> deviator = b - b.trace() / Dim * identity;
-    return mu * std::pow(J, -2.0 / Dim) * deviator + kappa / 2 * (J * J - 1) * identity;
+    return mu * std::pow(J, -2.0 / Dim) * deviator + bulk_modulus<Dim>() / 2 * (J * J - 1) * identity;
+  }
+  // The part of split_neo_hookean's energy that drives cracks.
+  template <int Dim>
+  Real energy_plus(const Mat<Dim>& F) const {
+    const Real J = F.determinant();
+    const Real shape = mu / 2 * (std::pow(J, -2.0 / Dim) * F.squaredNorm() - Dim);
+    return J < 1 ? shape : shape + bulk_modulus<Dim>() / 2 * ((J * J - 1) / 2 - std::log(J));
+  }
+  template <int Dim>
+  Real bulk_modulus() const {
+    return lambda + 2 * mu / Dim;
   }
 };
 

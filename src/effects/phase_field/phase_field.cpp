@@ -281,6 +281,7 @@ void PhaseField<Dim>::find_active(State<Dim>& state) {
 template <int Dim>
 void PhaseField<Dim>::scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges) {
   if (part_of_body_[body] < 0) return;
+  auto s = state.timers.scope("phase sweep");
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     Source<T> source(state, parts_[part_of_body_[body]], running_maximum_, lumped_);
@@ -324,6 +325,7 @@ struct NoHealing final : ValueSink<T> {
 template <int Dim>
 void PhaseField<Dim>::update(State<Dim>& state, std::size_t body, const std::vector<int>& ranges) {
   if (part_of_body_[body] < 0) return;
+  auto s = state.timers.scope("phase gather");
   const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);

@@ -112,6 +112,7 @@ void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
 template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
+  auto s = state.timers.scope("phase products");
   state.fields.zero(result_);
   state.fields.zero(product_);
   T* in = state.fields.template data<T>(result_);
@@ -214,6 +215,7 @@ void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
 template <int Dim>
 template <class T>
 int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
+  auto assembly = state.timers.scope("phase assembly");
   find_rows<T>(state);
   const GlobalIndex first_row = solver_.set_rows(static_cast<int>(rows_.size()));
   if (form_ == Form::matrix) {
@@ -227,7 +229,10 @@ int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
   }
   solution_ = start_;
   if (result == Result::value) start_from_last_solution(state);
+  assembly.stop();
+  auto krylov = state.timers.scope("phase Krylov");
   const int iterations = solver_.solve(rhs_, solution_);
+  krylov.stop();
   if (result == Result::value) keep_solution(state);
   state.fields.zero(result_);
   T* out = state.fields.template data<T>(result_);
