@@ -28,7 +28,8 @@ class Deformations {
     std::mt19937_64 generator(1);
     std::uniform_real_distribution<Real> entry(-distortion, distortion), lot(0, 1);
     body_.particles.resize(count);
-    for (int c = 0; c < Dim * Dim; ++c) F_[c] = body_.particles.template data<T>(core::deformation_gradient, c);
+    for (int c = 0; c < Dim * Dim; ++c)
+      F_[c] = body_.particles.template data<T>(core::deformation_gradient, c);
     for (Index p = 0; p < count; ++p) {
       Mat<Dim>& F = plain_[p].F;
       F = Mat<Dim>::Identity() + Mat<Dim>::NullaryExpr([&] { return entry(generator); });
@@ -84,8 +85,8 @@ Law make_law() {
 
 template <class Law, int Dim>
 std::unique_ptr<const Material<Dim>> make_loops() {
-  return std::make_unique<MaterialLoops<Law, Dim>>(typename Material<Dim>::Common{.name = Law::name, .density = density},
-                                                   make_law<Law>());
+  return std::make_unique<MaterialLoops<Law, Dim>>(
+      typename Material<Dim>::Common{.name = Law::name, .density = density}, make_law<Law>());
 }
 
 // The law one particle at a time: written with Eigen where the plain step has it, else as it is, with plain numbers.
@@ -115,14 +116,16 @@ void bench_stress(benchmark::State& bench, const Communicator& communicator, int
         material.stress(deformations.columns(), nullptr, 0, begin, end, tau);
       });
   };
-  const Work work{deformations.bytes(),
-                  deformations.operations([law = make_law<Law>()](const auto& F) { law.kirchhoff_stress(F); })};
+  const Work work{deformations.bytes(), deformations.operations([law = make_law<Law>()](const auto& F) {
+                    law.kirchhoff_stress(F);
+                  })};
   for (auto unused : bench) {
     (void)unused;
     const auto times = time_in_turns(communicator, rounds,
                                      {[&] { stress(*law); },
                                       [&] {
-                                        for (ReferenceParticle<Dim>& p : deformations.particles()) p.tau = plain(p.F);
+                                        for (ReferenceParticle<Dim>& p : deformations.particles())
+                                          p.tau = plain(p.F);
                                       },
                                       [&] { stress(*neo_hookean); }});
     report_kernel(bench, communicator, times, repeats, deformations.count(), deformations.precision, work);
@@ -160,7 +163,8 @@ void bench_polar(benchmark::State& bench, const Communicator& communicator, int 
 
 template <int Dim, class T>
 void register_scalar(const Communicator& communicator, const char* size, int count) {
-  const std::string place = fmt::format("{}/{}d_{}", std::is_same_v<T, float> ? "single" : "double", Dim, size);
+  const std::string place =
+      fmt::format("{}/{}d_{}", std::is_same_v<T, float> ? "single" : "double", Dim, size);
   [&]<class... Law>(LawList<Law...>) {
     (add_case(fmt::format("stress/{}/{}", Law::name, place),
               [&communicator, count](benchmark::State& bench) {

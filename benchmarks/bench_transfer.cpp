@@ -32,7 +32,7 @@ struct Flops {
   static constexpr int S = Kernel::support, d = Dim;
   static constexpr int N = S == 2 ? 1 : S == 3 ? 2 : 4;
   // Tile coordinate (3 to node spacings, shift, floor, fraction, distance of the second node) and weights; node number.
-  static constexpr int place = d * (7 + weight_flops<Kernel>) + 2 * (d - 1);
+  static constexpr int place = d * (7 + weight_flops<Kernel>)+2 * (d - 1);
 
   // m h, V k dt / h, m v; per entry A = m h C - (V k dt / h) tau (3) and its share of the row's middle value (2). Rows:
   // centre = w (q + (n - 1) a_z) (3 V), w a_x, and in 3D w a_y (V each); per plane centre + (i - 1) w a_x, times w_i;
@@ -56,9 +56,12 @@ enum class Transfer { to_grid, to_particles, sort };
 
 const char* name_of(Transfer transfer) {
   switch (transfer) {
-    case Transfer::to_grid: return "p2g";
-    case Transfer::to_particles: return "g2p";
-    case Transfer::sort: return "sort";
+    case Transfer::to_grid:
+      return "p2g";
+    case Transfer::to_particles:
+      return "g2p";
+    case Transfer::sort:
+      return "sort";
   }
   return "";
 }
@@ -67,11 +70,13 @@ const char* name_of(Transfer transfer) {
 template <class Kernel, int Dim, class T>
 Work work_of(Transfer transfer, const TransferBlock<Kernel, Dim, T>& block) {
   const FieldSet& f = block.columns();
-  const double moved = column_bytes(f, {core::position, core::velocity, core::velocity_gradient, core::deformation_gradient});
+  const double moved =
+      column_bytes(f, {core::position, core::velocity, core::velocity_gradient, core::deformation_gradient});
   switch (transfer) {
     case Transfer::to_grid:
-      return {moved + column_bytes(f, {core::mass, core::volume}) + node_bytes<T>(block.state(), node_values, 3),
-              Flops<Kernel, Dim>::to_grid()};
+      return {
+          moved + column_bytes(f, {core::mass, core::volume}) + node_bytes<T>(block.state(), node_values, 3),
+          Flops<Kernel, Dim>::to_grid()};
     case Transfer::to_particles:
       return {2 * moved + node_bytes<T>(block.state(), node_values, 1), Flops<Kernel, Dim>::to_particles()};
     case Transfer::sort:
@@ -88,22 +93,26 @@ void bench_transfer(benchmark::State& bench, const Communicator& communicator, T
   const auto in_turns = [&](int repeats, auto production, auto reference) {
     for (auto unused : bench) {
       (void)unused;
-      const auto times = time_in_turns(communicator, rounds, {[&] {
-                                                                for (int i = 0; i < repeats; ++i) production();
-                                                              },
-                                                              reference});
+      const auto times = time_in_turns(communicator, rounds,
+                                       {[&] {
+                                          for (int i = 0; i < repeats; ++i) production();
+                                        },
+                                        reference});
       report_kernel(bench, communicator, times, repeats, block.particles_per_core(), block.precision, work);
     }
   };
   switch (transfer) {
     case Transfer::to_grid:
-      in_turns(10, [&] { block.to_grid(); }, [&] { block.reference_to_grid(); });
+      in_turns(
+          10, [&] { block.to_grid(); }, [&] { block.reference_to_grid(); });
       break;
     case Transfer::to_particles:
-      in_turns(10, [&] { block.to_particles(); }, [&] { block.reference_to_particles(); });
+      in_turns(
+          10, [&] { block.to_particles(); }, [&] { block.reference_to_particles(); });
       break;
     case Transfer::sort:
-      in_turns(2, [&] { block.drift_and_sort(); }, [&] { block.reference_drift_and_sort(); });
+      in_turns(
+          2, [&] { block.drift_and_sort(); }, [&] { block.reference_drift_and_sort(); });
       break;
   }
 }
@@ -113,7 +122,8 @@ void register_kernel(const Communicator& communicator, const BenchOptions& optio
   for (const BlockSize& size : block_sizes(options))
     for (const bool single : {false, true})
       for (const Transfer transfer : {Transfer::to_grid, Transfer::to_particles, Transfer::sort})
-        add_case(fmt::format("{}/{}/{}/{}", name_of(transfer), Kernel::name, single ? "single" : "double", size.name),
+        add_case(fmt::format("{}/{}/{}/{}", name_of(transfer), Kernel::name, single ? "single" : "double",
+                             size.name),
                  [&communicator, transfer, single, size](benchmark::State& bench) {
                    with_dimension(size.dimension, [&](auto dim) {
                      if (single) {

@@ -57,6 +57,9 @@ inline Counted sqrt(Counted a) { return Counted::counted(std::sqrt(a.value)); }
 inline Counted abs(Counted a) { return std::abs(a.value); }
 inline Counted log(Counted a) { return Counted::counted(std::log(a.value), Counted::transcendental); }
 inline Counted exp(Counted a) { return Counted::counted(std::exp(a.value), Counted::transcendental); }
+inline Counted pow(Counted a, double b) {
+  return Counted::counted(std::pow(a.value, b), 2 * Counted::transcendental);
+}
 
 // Operations of f().
 template <class F>

@@ -24,11 +24,11 @@ struct ReferencePhaseParticles {
 template <class Kernel, int Dim>
 class ReferencePhase {
  public:
-  ReferencePhase(const Communicator& communicator, const GridGeometry<Dim>& geometry, ReferencePhaseParticles<Dim> what,
-                 const ReferenceMaterial& material, const PhaseLaw& law)
+  ReferencePhase(const Communicator& communicator, const GridGeometry<Dim>& geometry,
+                 ReferencePhaseParticles<Dim> start, const ReferenceMaterial& material, const PhaseLaw& law)
       : communicator_(communicator),
         geometry_(geometry),
-        what_(std::move(what)),
+        start_(std::move(start)),
         material_(material),
         law_(law),
         grid_(geometry) {}
@@ -48,8 +48,8 @@ class ReferencePhase {
   }
 
  private:
-  static constexpr int nodes = Dim == 2 ? Kernel::support * Kernel::support
-                                        : Kernel::support * Kernel::support * Kernel::support;
+  static constexpr int nodes =
+      Dim == 2 ? Kernel::support * Kernel::support : Kernel::support * Kernel::support * Kernel::support;
   static constexpr int width = 2 * Kernel::support - 1;
   static constexpr int couplings = Dim == 2 ? width * width : width * width * width;
 
@@ -60,11 +60,12 @@ class ReferencePhase {
     std::vector<Real>& weight = grid_.mass;
     std::fill(weight.begin(), weight.end(), 0.0);
     node_phase_.assign(weight.size(), 0.0);
-    for (std::size_t p = 0; p < what_.particles.size(); ++p)
-      for_each_node<Kernel>(geometry_, what_.particles[p].x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
-        weight[grid_.index(node)] += w;
-        node_phase_[grid_.index(node)] += w * what_.phase[p];
-      });
+    for (std::size_t p = 0; p < start_.particles.size(); ++p)
+      for_each_node<Kernel>(geometry_, start_.particles[p].x,
+                            [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
+                              weight[grid_.index(node)] += w;
+                              node_phase_[grid_.index(node)] += w * start_.phase[p];
+                            });
     communicator_.sum(weight);
     communicator_.sum(node_phase_);
     row_.assign(weight.size(), -1);
@@ -83,9 +84,10 @@ class ReferencePhase {
     KSP ksp;
     PC pc;
     VecScatter scatter;
-    PetscCall(MatCreateAIJ(comm(), PETSC_DECIDE, PETSC_DECIDE, rows, rows, couplings, nullptr, couplings, nullptr, &matrix));
+    PetscCall(MatCreateAIJ(comm(), PETSC_DECIDE, PETSC_DECIDE, rows, rows, couplings, nullptr, couplings,
+                           nullptr, &matrix));
     PetscCall(MatCreateVecs(matrix, &solution, &rhs));
-    for (std::size_t p = 0; p < what_.particles.size(); ++p) PetscCall(add_particle(p, dt, matrix, rhs));
+    for (std::size_t p = 0; p < start_.particles.size(); ++p) PetscCall(add_particle(p, dt, matrix, rhs));
     PetscCall(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
     PetscCall(VecAssemblyBegin(rhs));
@@ -96,7 +98,8 @@ class ReferencePhase {
     PetscCall(KSPSetType(ksp, KSPCG));
     PetscCall(KSPGetPC(ksp, &pc));
     PetscCall(PCSetType(pc, PCJACOBI));
-    PetscCall(KSPSetTolerances(ksp, LinearSolverOptions().relative_tolerance, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
+    PetscCall(
+        KSPSetTolerances(ksp, LinearSolverOptions().relative_tolerance, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
     PetscCall(KSPSolve(ksp, rhs, solution));
     PetscCall(KSPGetIterationNumber(ksp, &iterations));
 
@@ -117,26 +120,28 @@ class ReferencePhase {
   }
 
   PetscErrorCode add_particle(std::size_t p, Real dt, ::Mat matrix, ::Vec rhs) const {
-    const ReferenceParticle<Dim>& particle = what_.particles[p];
+    const ReferenceParticle<Dim>& particle = start_.particles[p];
     const Real volume = particle.F.determinant() * particle.volume;
-    const Real energy = std::max(what_.least_energy[p], material_.energy_plus<Dim>(particle.F));
+    const Real energy = std::max(start_.least_energy[p], material_.energy_plus<Dim>(particle.F));
     const Real reaction = volume * law_.drive(energy), conductivity = volume * law_.conductivity();
-    const Real storage = volume * law_.storage(dt), source = volume * law_.right_hand_side(what_.phase[p], dt);
+    const Real storage = volume * law_.storage(dt),
+               source = volume * law_.right_hand_side(start_.phase[p], dt);
     const Real inverse_inertia = Kernel::inverse_inertia / (geometry_.spacing() * geometry_.spacing());
     PetscInt row[nodes];
     Real weight[nodes], value[nodes], block[nodes * nodes];
     Vec<Dim> gradient[nodes];
     int count = 0;
-    for_each_node<Kernel>(geometry_, particle.x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance) {
-      row[count] = row_[grid_.index(node)];
-      weight[count] = w;
-      value[count] = w * source;
-      gradient[count++] = inverse_inertia * w * distance;
-    });
+    for_each_node<Kernel>(geometry_, particle.x,
+                          [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance) {
+                            row[count] = row_[grid_.index(node)];
+                            weight[count] = w;
+                            value[count] = w * source;
+                            gradient[count++] = inverse_inertia * w * distance;
+                          });
     for (int i = 0; i < nodes; ++i)
       for (int j = 0; j < nodes; ++j)
-        block[i * nodes + j] = conductivity * gradient[i].dot(gradient[j]) + reaction * weight[i] * weight[j] +
-                               (i == j ? storage * weight[i] : 0.0);
+        block[i * nodes + j] = conductivity * gradient[i].dot(gradient[j]) +
+                               reaction * weight[i] * weight[j] + (i == j ? storage * weight[i] : 0.0);
     PetscCall(MatSetValues(matrix, nodes, row, nodes, row, block, ADD_VALUES));
     PetscCall(VecSetValues(rhs, nodes, row, value, ADD_VALUES));
     return 0;
@@ -146,19 +151,19 @@ class ReferencePhase {
 
   // Nothing heals.
   void gather() {
-    new_phase_.resize(what_.phase.size());
-    for (std::size_t p = 0; p < what_.particles.size(); ++p) {
-      Real phase = by_increment() ? what_.phase[p] : 0;
-      for_each_node<Kernel>(geometry_, what_.particles[p].x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
-        phase += w * result(node);
-      });
-      new_phase_[p] = std::max(0.0, std::min(what_.phase[p], phase));
+    new_phase_.resize(start_.phase.size());
+    for (std::size_t p = 0; p < start_.particles.size(); ++p) {
+      Real phase = by_increment() ? start_.phase[p] : 0;
+      for_each_node<Kernel>(
+          geometry_, start_.particles[p].x,
+          [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) { phase += w * result(node); });
+      new_phase_[p] = std::max(0.0, std::min(start_.phase[p], phase));
     }
   }
 
   const Communicator& communicator_;
   GridGeometry<Dim> geometry_;
-  ReferencePhaseParticles<Dim> what_;
+  ReferencePhaseParticles<Dim> start_;
   ReferenceMaterial material_;
   PhaseLaw law_;
   ReferenceGrid<Dim> grid_;  // its numbering; mass is the weight here

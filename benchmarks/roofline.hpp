@@ -46,19 +46,21 @@ template <class T, int Dim>
 double node_bytes(const State<Dim>& state, int components, int passes) {
   Real particles = 0;
   for (const Body<Dim>& body : state.bodies) particles += body.real_particles();
-  return static_cast<double>(sizeof(T)) * components * passes * state.topology().size() * nodes_per_block<Dim> / particles;
+  return static_cast<double>(sizeof(T)) * components * passes * state.topology().size() *
+         nodes_per_block<Dim> / particles;
 }
 
 // The counters of a kernel; times[0] is production's, which goes over the particles `repeats` times per call, times[1] the
 // plain reference's, which does so once. Collective.
 inline void report_kernel(benchmark::State& bench, const Communicator& communicator,
-                          const std::vector<std::vector<double>>& times, int repeats, double particles_per_core,
-                          Precision precision, const Work& work) {
+                          const std::vector<std::vector<double>>& times, int repeats,
+                          double particles_per_core, Precision precision, const Work& work) {
   const MachineLimits& machine = machine_limits(communicator);
   const double seconds = median(times[0]) / repeats / particles_per_core;  // of one particle
   const double in_memory = work.bytes / (1e9 * machine.triad),
-               in_registers = work.flops / (1e9 * (precision == Precision::double_precision ? machine.fma_double
-                                                                                            : machine.fma_single));
+               in_registers =
+                   work.flops / (1e9 * (precision == Precision::double_precision ? machine.fma_double
+                                                                                 : machine.fma_single));
   bench.SetIterationTime(median(times[0]) / repeats);
   bench.counters["particles"] = particles_per_core * communicator.size();
   bench.counters["ranks"] = communicator.size();

@@ -1,7 +1,6 @@
 // The sorted particles that bench_transfer moves between particles and grid, on the program's kernels and on the plain ones.
 #pragma once
 
-
 #include "elastic_block.hpp"
 #include "mpm_hpc/transfer/grid_to_particle.hpp"
 #include "mpm_hpc/transfer/particle_to_grid.hpp"
@@ -35,11 +34,13 @@ class TransferBlock {
  public:
   static constexpr Precision precision =
       std::is_same_v<T, float> ? Precision::single_precision : Precision::double_precision;
-  static constexpr Real dt = 1e-9;  // [s] so short that thousands of transfers leave the particles where they are
+  static constexpr Real dt =
+      1e-9;  // [s] so short that thousands of transfers leave the particles where they are
 
   TransferBlock(const Communicator& communicator, int cells) {
     Parameters parameters = Parameters::read_text(
-        scene_text<Dim>({.single = precision == Precision::single_precision, .cells = cells}), "transfer block", {});
+        scene_text<Dim>({.single = precision == Precision::single_precision, .cells = cells}),
+        "transfer block", {});
     read_dimension(parameters);
     scene_ = read_scene<Dim>(parameters);
     declare_state(communicator, scene_, state_);
