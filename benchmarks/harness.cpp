@@ -53,6 +53,7 @@ int run(int argc, char** argv,
     } else if (argument == "--small") {
       options.small = true;
       most_rounds = 1;
+      triad_length = std::size_t{1} << 20;
     } else if (argument == "--cpu_time") {
       clock_of_benchmarks = CLOCK_PROCESS_CPUTIME_ID;
     } else if (argument.substr(0, directory.size()) == directory) {

@@ -30,9 +30,12 @@ inline double median(std::vector<double> values) {
   return values.size() % 2 ? values[middle] : (values[middle - 1] + values[middle]) / 2;
 }
 
-// a = b + s c over arrays far larger than the caches; counts three streams, as STREAM does [GB/s].
+// Length of the triad's arrays, far larger than the caches where the figure counts.
+inline std::size_t triad_length = std::size_t{32} << 20;
+
+// a = b + s c; counts three streams, as STREAM does [GB/s].
 inline double triad_gb_per_s() {
-  constexpr std::size_t count = std::size_t{32} << 20;
+  const std::size_t count = triad_length;
   std::vector<double> a(count, 0.0), b(count, 1.0), c(count, 2.0);
   std::vector<double> rates;
   for (int repeat = 0; repeat < 7; ++repeat) {
@@ -43,7 +46,7 @@ inline double triad_gb_per_s() {
       for (std::size_t i = 0; i < count; ++i) out[i] = x[i] + s * y[i];
       asm volatile("" : : "r"(out) : "memory");
     });
-    rates.push_back(3e-9 * sizeof(double) * count / seconds);
+    rates.push_back(3e-9 * static_cast<double>(sizeof(double) * count) / seconds);
   }
   return *std::max_element(rates.begin(), rates.end());
 }
