@@ -39,11 +39,15 @@ class StageShares {
       blocks_.back()[timers.names()[i]] =
           timers.seconds()[i] - (i < static_cast<int>(before.size()) ? before[i] : 0);
   }
-  // 0 for a stage that was never entered. Over all ranks and the blocks after the first, which warms up. Collective.
-  double of(const Communicator& communicator, const std::string& stage) const {
+  // Of some stages together; 0 for those that were never entered. Over all ranks and the blocks after the first, which
+  // warms up. Collective.
+  double of(const Communicator& communicator, const std::vector<std::string>& stages) const {
     std::vector<double> shares;
-    for (std::size_t i = 1; i < blocks_.size(); ++i)
-      shares.push_back(communicator.sum(seconds(i, stage)) / communicator.sum(seconds(i, whole)));
+    for (std::size_t i = 1; i < blocks_.size(); ++i) {
+      double sum = 0;
+      for (const std::string& stage : stages) sum += seconds(i, stage);
+      shares.push_back(communicator.sum(sum) / communicator.sum(seconds(i, whole)));
+    }
     return median(std::move(shares));
   }
 
@@ -127,20 +131,22 @@ void bench_phase_field(benchmark::State& bench, const Communicator& communicator
     const SolverWork work = production.solver_work();
 
     const double per_core = static_cast<double>(production.particles()) / communicator.size();
-    const auto share = [&](const std::string& stage) { return shares.of(communicator, stage); };
-    const double step_ratio = median_ratio(times, 0, 2), phase_share = share("effects");
+    const auto share = [&](const std::vector<std::string>& stages) {
+      return shares.of(communicator, stages);
+    };
+    const double step_ratio = median_ratio(times, 0, 2), phase_share = share({"effects"});
     bench.SetIterationTime(median(times[0]) / production_steps);
     bench.counters["particles"] = static_cast<double>(production.particles());
     bench.counters["ranks"] = communicator.size();
     bench.counters["production"] = per_core * production_steps / median(times[0]);
     bench.counters["step_ratio_to_elastic"] = step_ratio;
     bench.counters["phase_share"] = phase_share;
-    bench.counters["solve_share"] = share("phase sweep") + share("phase solve");
-    bench.counters["linear_share"] = share("phase solve");
+    bench.counters["solve_share"] = share({"phase sweep", "phase solve"});
+    bench.counters["linear_share"] = share({"phase solve"});
     // In elastic steps.
     bench.counters["driving_energy"] = production_steps * median_ratio(times, 3, 2);
     for (const std::string stage : {"sweep", "assembly", "Krylov", "products", "gather"})
-      bench.counters[stage] = step_ratio * share("phase " + stage);
+      bench.counters[stage] = step_ratio * share({"phase " + stage});
     bench.counters["iterations_per_solve"] = static_cast<double>(work.iterations - before.iterations) /
                                              static_cast<double>(work.solves - before.solves);
     bench.counters["reference"] = per_core / median(times[1]);
