@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "mpm_hpc/base/processor.hpp"
 #include "mpm_hpc/simulation/simulation.hpp"
 #include "mpm_hpc/solvers/petsc_session.hpp"
 
@@ -89,7 +90,7 @@ std::optional<int> parse(int argc, char** argv, bool speaks, CommandLine& line) 
 
 int run(const mpm::Communicator& communicator, const CommandLine& line) {
   if (line.version) {
-    if (communicator.root()) std::printf("mpm_hpc %s\n", mpm::version().c_str());
+    if (communicator.root()) std::printf("mpm_hpc %s (%s)\n", mpm::version().c_str(), mpm::widest_registers());
     return 0;
   }
   if (line.describe) {
