@@ -9,9 +9,10 @@ namespace mpm {
 
 std::string run_json_text(const RunReport& report) {
   using Json = nlohmann::ordered_json;
-  Json stages = Json::object();
-  for (const auto& [name, time] : report.stages)
-    stages[name] = Json{{"min", time.min}, {"mean", time.mean}, {"max", time.max}};
+  const auto spread = [](const Spread& s) { return Json{{"min", s.min}, {"mean", s.mean}, {"max", s.max}}; };
+  Json stages = Json::object(), traffic = Json::object();
+  for (const auto& [name, time] : report.stages) stages[name] = spread(time);
+  for (const auto& [name, count] : report.traffic_per_step) traffic[name] = spread(count);
   Json json;
   json["version"] = report.version;
   json["scene_hash"] = report.scene_hash;
@@ -29,6 +30,11 @@ std::string run_json_text(const RunReport& report) {
   json["stages"] = stages;
   json["messages_per_step"] = report.messages_per_step;
   json["bytes_per_step"] = report.bytes_per_step;
+  json["halo_messages_per_step"] = report.halo_messages_per_step;
+  json["halo_bytes_per_step"] = report.halo_bytes_per_step;
+  json["traffic_per_step"] = traffic;
+  json["neighbours"] = spread(report.neighbours);
+  json["ghost_nodes"] = spread(report.ghost_nodes);
   json["rebalances"] = report.rebalances;
   json["imbalance"] = report.imbalance;
   json["solver_iterations"] = report.solver_iterations;

@@ -21,11 +21,18 @@ void add_compensated(void* in, void* inout, int* count, MPI_Datatype*) {
 
 constexpr int exchange_tag = 64;  // and 65: neighbouring rounds must not mix
 
-template <class T>
-T reduce(T value, MPI_Datatype type, MPI_Op op, MPI_Comm comm) {
+template <class Handle, class T>
+T reduce(Handle& handle, T value, MPI_Datatype type, MPI_Op op) {
   T result;
-  MPI_Allreduce(&value, &result, 1, type, op, comm);
+  ++handle.collectives;
+  MPI_Allreduce(&value, &result, 1, type, op, handle.comm);
   return result;
+}
+
+template <class Handle, class T>
+void reduce(Handle& handle, std::vector<T>& values, MPI_Datatype type, MPI_Op op) {
+  ++handle.collectives;
+  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), type, op, handle.comm);
 }
 
 }  // namespace
@@ -44,39 +51,34 @@ Communicator Communicator::world() {
   return c;
 }
 
-Real Communicator::sum(Real value) const { return reduce(value, MPI_DOUBLE, MPI_SUM, handle_->comm); }
-Real Communicator::min(Real value) const { return reduce(value, MPI_DOUBLE, MPI_MIN, handle_->comm); }
-Real Communicator::max(Real value) const { return reduce(value, MPI_DOUBLE, MPI_MAX, handle_->comm); }
+Real Communicator::sum(Real value) const { return reduce(*handle_, value, MPI_DOUBLE, MPI_SUM); }
+Real Communicator::min(Real value) const { return reduce(*handle_, value, MPI_DOUBLE, MPI_MIN); }
+Real Communicator::max(Real value) const { return reduce(*handle_, value, MPI_DOUBLE, MPI_MAX); }
 GlobalIndex Communicator::sum(GlobalIndex value) const {
-  return reduce(value, MPI_INT64_T, MPI_SUM, handle_->comm);
+  return reduce(*handle_, value, MPI_INT64_T, MPI_SUM);
 }
 GlobalIndex Communicator::max(GlobalIndex value) const {
-  return reduce(value, MPI_INT64_T, MPI_MAX, handle_->comm);
+  return reduce(*handle_, value, MPI_INT64_T, MPI_MAX);
 }
 
-void Communicator::sum(std::vector<Real>& values) const {
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_DOUBLE, MPI_SUM, handle_->comm);
-}
-void Communicator::min(std::vector<Real>& values) const {
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_DOUBLE, MPI_MIN, handle_->comm);
-}
-void Communicator::max(std::vector<Real>& values) const {
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), MPI_DOUBLE, MPI_MAX, handle_->comm);
-}
+void Communicator::sum(std::vector<Real>& values) const { reduce(*handle_, values, MPI_DOUBLE, MPI_SUM); }
+void Communicator::min(std::vector<Real>& values) const { reduce(*handle_, values, MPI_DOUBLE, MPI_MIN); }
+void Communicator::max(std::vector<Real>& values) const { reduce(*handle_, values, MPI_DOUBLE, MPI_MAX); }
 
 void Communicator::sum(std::vector<CompensatedSum>& values) const {
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), static_cast<int>(values.size()), handle_->sum_pair,
-                handle_->compensated_sum, handle_->comm);
+  reduce(*handle_, values, handle_->sum_pair, handle_->compensated_sum);
 }
 
 GlobalIndex Communicator::exclusive_sum(GlobalIndex value) const {
   GlobalIndex result = 0;
+  ++handle_->collectives;
   MPI_Exscan(&value, &result, 1, MPI_INT64_T, MPI_SUM, handle_->comm);
   return rank_ == 0 ? 0 : result;
 }
 
 void Communicator::broadcast(Bytes& bytes, int from) const {
   GlobalIndex size = static_cast<GlobalIndex>(bytes.size());
+  ++handle_->collectives;
   MPI_Bcast(&size, 1, MPI_INT64_T, from, handle_->comm);
   bytes.resize(size);
   constexpr GlobalIndex chunk = 1 << 30;
@@ -93,6 +95,7 @@ void Communicator::broadcast(std::string& text, int from) const {
 std::vector<Communicator::Bytes> Communicator::gather(const Bytes& bytes) const {
   const int mine = static_cast<int>(bytes.size());
   std::vector<int> sizes(root() ? size_ : 0), starts(root() ? size_ : 0);
+  ++handle_->collectives;
   MPI_Gather(&mine, 1, MPI_INT, sizes.data(), 1, MPI_INT, 0, handle_->comm);
   int total = 0;
   for (std::size_t r = 0; r < sizes.size(); ++r) {
@@ -111,6 +114,7 @@ std::vector<std::pair<int, Communicator::Bytes>> Communicator::exchange(
     const std::map<int, Bytes>& outgoing) const {
   std::vector<std::pair<int, Bytes>> incoming;
   const int tag = exchange_tag + (handle_->exchange_round++ & 1);
+  ++handle_->collectives;
   std::vector<MPI_Request> sends;
   for (const auto& [target, bytes] : outgoing) {
     if (target == rank_) {
@@ -156,7 +160,10 @@ void Communicator::fail_together(const std::string& failure) const {
   throw NumericalFailure(text);
 }
 
-void Communicator::barrier() const { MPI_Barrier(handle_->comm); }
+void Communicator::barrier() const {
+  ++handle_->collectives;
+  MPI_Barrier(handle_->comm);
+}
 
 void Communicator::abort(int code) const {
   MPI_Abort(handle_->comm, code);
@@ -165,5 +172,6 @@ void Communicator::abort(int code) const {
 
 GlobalIndex Communicator::messages() const { return handle_->messages; }
 GlobalIndex Communicator::bytes() const { return handle_->bytes; }
+GlobalIndex Communicator::collectives() const { return handle_->collectives; }
 
 }  // namespace mpm

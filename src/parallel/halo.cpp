@@ -229,7 +229,9 @@ void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, boo
 template <int Dim>
 void Halo<Dim>::finish() {
   Requests& requests = *requests_;
+  const double began = MPI_Wtime();
   MPI_Waitall(static_cast<int>(requests.receives.size()), requests.receives.data(), MPI_STATUSES_IGNORE);
+  wait_seconds_ += MPI_Wtime() - began;
   GridFields& fields = *requests.fields;
   // Peers are unpacked in the order of their ranks, so that sums don't depend on the order of arrival.
   with_precision(fields.precision(), [&](auto zero) {
@@ -252,7 +254,9 @@ void Halo<Dim>::finish() {
       }
     }
   });
+  const double unpacked = MPI_Wtime();
   MPI_Waitall(static_cast<int>(requests.sends.size()), requests.sends.data(), MPI_STATUSES_IGNORE);
+  wait_seconds_ += MPI_Wtime() - unpacked;
   requests.active = false;
 }
 

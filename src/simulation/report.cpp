@@ -2,10 +2,12 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "mpm_hpc/simulation/diagnostics.hpp"
 #include "mpm_hpc/simulation/simulation.hpp"
+#include "mpm_hpc/solvers/petsc_session.hpp"
 
 namespace mpm {
 
@@ -27,7 +29,35 @@ MemoryUse memory_use(const State<Dim>& state, const std::vector<std::unique_ptr<
   return use;
 }
 
+template <int Dim>
+Traffic traffic(const State<Dim>& state) {
+  const Communicator& communicator = state.communicator();
+  const Halo<Dim>& halo = state.distribution.halo();
+  const Halo<Dim>& rows = state.distribution.row_halo();
+  return {static_cast<Real>(halo.messages() + rows.messages()),
+          static_cast<Real>(halo.bytes() + rows.bytes()),
+          halo.wait_seconds() + rows.wait_seconds(),
+          static_cast<Real>(communicator.messages()),
+          static_cast<Real>(communicator.bytes()),
+          static_cast<Real>(communicator.collectives()),
+          PetscSession::reductions(),
+          static_cast<Real>(state.distribution.sorts()),
+          static_cast<Real>(state.distribution.migrated())};
+}
+
 namespace {
+
+// Each value's least, mean and largest over the ranks. Collective.
+std::vector<Spread> over_ranks(const Communicator& communicator, const std::vector<Real>& values) {
+  std::vector<Real> least = values, mean = values, most = values;
+  communicator.min(least);
+  communicator.sum(mean);
+  communicator.max(most);
+  std::vector<Spread> result;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    result.push_back({least[i], mean[i] / communicator.size(), most[i]});
+  return result;
+}
 
 std::vector<std::int64_t> gather_peak_rss(const Communicator& communicator) {
   rusage usage{};
@@ -67,23 +97,27 @@ RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::str
   if (report.particles > 0) report.bytes_per_particle = totals.peak_bytes / static_cast<Real>(report.particles);
   report.peak_rss_bytes = gather_peak_rss(communicator);
 
-  std::vector<Real> least = state.timers.seconds(), mean = least, most = least;
-  communicator.min(least);
-  communicator.sum(mean);
-  communicator.max(most);
-  for (std::size_t s = 0; s < least.size(); ++s)
-    report.stages.push_back({state.timers.names()[s], {least[s], mean[s] / communicator.size(), most[s]}});
+  const std::vector<Spread> stages = over_ranks(communicator, state.timers.seconds());
+  for (std::size_t i = 0; i < stages.size(); ++i)
+    report.stages.push_back({state.timers.names()[i], stages[i]});
 
-  const Halo<Dim>& halo = state.halo();
-  const Halo<Dim>& rows = state.distribution.row_halo();
-  std::vector<Real> traffic = {
-      static_cast<Real>(halo.messages() + rows.messages() + communicator.messages()),
-      static_cast<Real>(halo.bytes() + rows.bytes() + communicator.bytes())};
-  communicator.sum(traffic);
-  if (report.steps > 0) {
-    report.messages_per_step = traffic[0] / static_cast<Real>(report.steps);
-    report.bytes_per_step = traffic[1] / static_cast<Real>(report.steps);
-  }
+  std::vector<Real> per_step(totals.step_traffic.begin(), totals.step_traffic.end());
+  for (Real& count : per_step) count /= static_cast<Real>(std::max<GlobalIndex>(1, report.steps));
+  const std::vector<Spread> traffic = over_ranks(communicator, per_step);
+  for (std::size_t i = 0; i < traffic.size(); ++i)
+    report.traffic_per_step.push_back({traffic_names[i], traffic[i]});
+  const auto of_all_ranks = [&](const char* name) {
+    const auto count = std::find(traffic_names.begin(), traffic_names.end(), std::string_view(name));
+    return traffic[static_cast<std::size_t>(count - traffic_names.begin())].mean * communicator.size();
+  };
+  report.halo_messages_per_step = of_all_ranks("halo_messages");
+  report.halo_bytes_per_step = of_all_ranks("halo_bytes");
+  report.messages_per_step = report.halo_messages_per_step + of_all_ranks("sort_messages");
+  report.bytes_per_step = report.halo_bytes_per_step + of_all_ranks("sort_bytes");
+  const std::vector<Spread> halo = over_ranks(communicator, {static_cast<Real>(state.halo().neighbours()),
+                                                             static_cast<Real>(state.halo().ghost_nodes())});
+  report.neighbours = halo[0];
+  report.ghost_nodes = halo[1];
   report.imbalance = state.distribution.imbalance();
   for (const auto& [name, work] : state.solvers) report.solver_iterations[name] = work.iterations;
   state.guards["particles_removed_outside_domain"] += state.distribution.take_removed();
@@ -99,10 +133,10 @@ std::string closing_table(const RunReport& report) {
                         report.wall_seconds > 0 ? 100 * time.mean / report.wall_seconds : 0.0);
   text += fmt::format(
       "{} steps of {} particles on {} ranks in {:.2f} s: {:.3g} M particle-steps/s per core, {:.0f} bytes per particle\n"
-      "per step: {:.1f} messages, {:.4g} kB between ranks; imbalance {:.3f}\n",
+      "per step: {:.1f} messages, {:.4g} kB between ranks ({:.1f}, {:.4g} kB of them halo); imbalance {:.3f}\n",
       report.steps, report.particles, report.ranks, report.wall_seconds,
       report.particle_steps_per_second_per_core / 1e6, report.bytes_per_particle, report.messages_per_step,
-      report.bytes_per_step / 1e3, report.imbalance);
+      report.bytes_per_step / 1e3, report.halo_messages_per_step, report.halo_bytes_per_step / 1e3, report.imbalance);
   for (const auto& [name, count] : report.solver_iterations)
     text += fmt::format("solver {}: {} iterations, {:.2f} per step\n", name, count,
                         report.steps > 0 ? static_cast<Real>(count) / static_cast<Real>(report.steps) : 0.0);
@@ -159,9 +193,10 @@ std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<
   return text;
 }
 
-#define MPM_INSTANTIATE(Dim)                                                                             \
+#define MPM_INSTANTIATE(Dim)                                                                               \
+  template Traffic traffic<Dim>(const State<Dim>&);                                                        \
   template MemoryUse memory_use<Dim>(const State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
-  template RunReport make_report<Dim>(State<Dim>&, const RunTotals&, const std::string&);                \
+  template RunReport make_report<Dim>(State<Dim>&, const RunTotals&, const std::string&);                  \
   template std::string explain<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&);
 MPM_INSTANTIATE(2)
 MPM_INSTANTIATE(3)

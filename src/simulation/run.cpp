@@ -266,9 +266,12 @@ void Run<Dim>::loop() {
     state_.stop_requested = stop_was_requested();
     state_.observed = state_.time + state_.dt >= target - time_tolerance * state_.dt ||
                       state_.step + 1 - totals_.first_step >= steps || state_.stop_requested;
+    const Traffic before = traffic(state_);
     const Clock::time_point step_began = Clock::now();
     integrator_->step(state_);
     totals_.step_seconds += seconds_since(step_began);
+    const Traffic after = traffic(state_);
+    for (std::size_t i = 0; i < after.size(); ++i) totals_.step_traffic[i] += after[i] - before[i];
     totals_.particle_steps += particles_;
     if (std::abs(state_.time - target) < time_tolerance * state_.dt) state_.time = target;
     finished = state_.time >= end_ - time_tolerance * state_.dt || state_.step - totals_.first_step >= steps ||

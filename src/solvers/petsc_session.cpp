@@ -1,5 +1,6 @@
 #include "mpm_hpc/solvers/petsc_session.hpp"
 
+#include <petsclog.h>
 #include <petscsys.h>
 
 #include "petsc_check.hpp"
@@ -38,5 +39,7 @@ std::vector<std::string> PetscSession::unused_options() {
   petsc_check(PetscOptionsLeftRestore(nullptr, &count, &names, &values), "PetscOptionsLeftRestore");
   return unused;
 }
+
+double PetscSession::reductions() { return petsc_allreduce_ct; }
 
 }  // namespace mpm

@@ -24,6 +24,7 @@ ExplicitIntegrator<Dim>::ExplicitIntegrator(State<Dim>& state, StepHooks<Dim> ho
   stage_halo_fill_ = t.stage("halo fill");
   stage_g2p_ = t.stage("G2P");
   stage_effects_ = t.stage("effects");
+  stage_limits_ = t.stage("step size");
 }
 
 template <int Dim>
@@ -190,7 +191,10 @@ void ExplicitIntegrator<Dim>::step(State<Dim>& state) {
   state.busy += busy_seconds(state) - busy;
   state.time += state.dt;
   ++state.step;
-  reduce_limits(state);
+  {
+    auto s = state.timers.scope(stage_limits_);
+    reduce_limits(state);
+  }
   state.drift += state.dt * state.limits.kinematic.speed_component;
 }
 

@@ -95,6 +95,7 @@ TEST_F(IoRunFiles, RunJson) {
   report.imbalance = NAN;
   report.peak_rss_bytes = {1, 2};
   report.stages = {{"p2g", {1, 2, 3}}, {"g2p", {4, 5, 6}}};
+  report.traffic_per_step = {{"halo_bytes", {7, 8, 9}}};
   report.solver_iterations = {{"krylov", 12}};
   report.guards = {{"inverted_elements", 2}};
   report.exit_code = ExitCode::numerical_failure;
@@ -117,6 +118,11 @@ TEST_F(IoRunFiles, RunJson) {
                           "stages",
                           "messages_per_step",
                           "bytes_per_step",
+                          "halo_messages_per_step",
+                          "halo_bytes_per_step",
+                          "traffic_per_step",
+                          "neighbours",
+                          "ghost_nodes",
                           "imbalance",
                           "solver_iterations",
                           "guards",
@@ -127,6 +133,7 @@ TEST_F(IoRunFiles, RunJson) {
   EXPECT_EQ(json["time"], 0.1);
   EXPECT_TRUE(json["imbalance"].is_null());
   EXPECT_EQ(json["stages"]["g2p"]["max"], 6);
+  EXPECT_EQ(json["traffic_per_step"]["halo_bytes"]["mean"], 8);
   EXPECT_EQ(json["exit"]["code"], 3);
   EXPECT_EQ(names("."), std::set<std::string>{"run.json"});
   text_on_all_ranks<FileError>(world_, [&] { write_run_json(world_, folder_ / "missing/run.json", report); });

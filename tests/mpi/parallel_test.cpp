@@ -150,6 +150,18 @@ TEST(Parallel, ExchangeDeliversEverythingOnce) {
   }
 }
 
+TEST(Parallel, CollectivesAreCounted) {
+  const Communicator c = world();
+  const GlobalIndex before = c.collectives();
+  c.max(Real{1});
+  std::vector<Real> values(3, 1.0);
+  c.sum(values);
+  c.exchange({});
+  c.barrier();
+  EXPECT_EQ(c.collectives() - before, 4);
+  EXPECT_EQ(world().max(c.collectives()), c.collectives()) << "the same on all ranks";
+}
+
 // 10^17 and its negative stand on different ranks, with numbers between them that a plain sum loses.
 TEST(Parallel, CompensatedSumsAreExact) {
   const int size = test::size(), me = test::rank();

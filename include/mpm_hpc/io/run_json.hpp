@@ -13,8 +13,9 @@
 
 namespace mpm {
 
-struct StageTime {
-  Real min = 0, mean = 0, max = 0;  // over ranks [s]
+// Over ranks.
+struct Spread {
+  Real min = 0, mean = 0, max = 0;
 };
 
 struct RunReport {
@@ -31,8 +32,12 @@ struct RunReport {
   Real particle_steps_per_second_per_core = 0;
   Real bytes_per_particle = 0;               // every array at its peak, over all ranks
   std::vector<std::int64_t> peak_rss_bytes;  // of each rank
-  std::vector<std::pair<std::string, StageTime>> stages;
-  Real messages_per_step = 0, bytes_per_step = 0;  // over all ranks
+  std::vector<std::pair<std::string, Spread>> stages;            // [s]
+  // Of all ranks, in the steps alone: all that is sent point to point, and the halo's share.
+  Real messages_per_step = 0, bytes_per_step = 0;
+  Real halo_messages_per_step = 0, halo_bytes_per_step = 0;
+  std::vector<std::pair<std::string, Spread>> traffic_per_step;  // of a rank, in the steps alone
+  Spread neighbours, ghost_nodes;                                // of a rank, at the end
   GlobalIndex rebalances = 0;
   Real imbalance = 1;  // largest over mean weight of a rank
   std::map<std::string, GlobalIndex> solver_iterations;

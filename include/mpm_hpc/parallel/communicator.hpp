@@ -66,6 +66,8 @@ class Communicator {
   // Messages and bytes sent through exchange() by this rank.
   GlobalIndex messages() const;
   GlobalIndex bytes() const;
+  // Times that all ranks waited for each other: reductions, broadcasts, gathers, barriers, rounds of exchange().
+  GlobalIndex collectives() const;
 
   struct Handle;
   const Handle& handle() const { return *handle_; }

@@ -45,6 +45,7 @@ class Distribution {
   // For assembled operators: from the next redistribution on there is a halo of all nodes that a row can couple to.
   void require_row_halo() { needs_row_halo_ = true; }
   Halo<Dim>& row_halo() { return row_halo_; }
+  const Halo<Dim>& row_halo() const { return row_halo_; }
   const DistributionOptions& options() const { return options_; }
 
   // max/mean weight after the last redistribution.

@@ -65,6 +65,8 @@ class Halo {
   // Sent by this rank since the start.
   GlobalIndex messages() const { return messages_; }
   GlobalIndex bytes() const { return bytes_; }
+  // Spent in finish_sum() and finish_fill() waiting for messages of both directions [s].
+  Real wait_seconds() const { return wait_seconds_; }
   int neighbours() const { return static_cast<int>(peers_.size()); }
   // Node values that this rank sends in one sum (ghost nodes) and one fill (owned nodes), per component.
   GlobalIndex ghost_nodes() const;
@@ -96,6 +98,7 @@ class Halo {
   std::vector<Peer> peers_;
   std::unique_ptr<Requests> requests_;
   GlobalIndex messages_ = 0, bytes_ = 0;
+  Real wait_seconds_ = 0;
 };
 
 }  // namespace mpm

@@ -12,7 +12,7 @@ struct Communicator::Handle {
   MPI_Datatype sum_pair = MPI_DATATYPE_NULL;
   MPI_Op compensated_sum = MPI_OP_NULL;
   int exchange_round = 0;
-  GlobalIndex messages = 0, bytes = 0;
+  GlobalIndex messages = 0, bytes = 0, collectives = 0;
 
   Handle() = default;
   Handle(const Handle&) = delete;

@@ -1,6 +1,7 @@
 // What a run was and how it went: run.json, the table at its end, and --explain.
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "mpm_hpc/effects/effect.hpp"
@@ -18,6 +19,15 @@ struct MemoryUse {
 template <int Dim>
 MemoryUse memory_use(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects);
 
+// What this rank has sent, waited for and done since the start.
+inline constexpr std::array traffic_names = {"halo_messages",     "halo_bytes", "halo_wait_seconds",
+                                             "sort_messages",     "sort_bytes", "collectives",
+                                             "solver_reductions", "sorts",      "migrated_particles"};
+using Traffic = std::array<Real, traffic_names.size()>;
+
+template <int Dim>
+Traffic traffic(const State<Dim>& state);
+
 // Counters that a run keeps beside its state.
 struct RunTotals {
   std::int64_t first_step = 0;
@@ -25,6 +35,7 @@ struct RunTotals {
   Real loop_seconds = 0;           // in the step loop, output included
   Real step_seconds = 0;           // in the steps alone
   Real peak_bytes = 0;             // of all ranks
+  Traffic step_traffic{};          // in the steps alone
 };
 
 // Collective.

@@ -17,6 +17,8 @@ class PetscSession {
 
   // Options that nothing has read so far, with their dash.
   static std::vector<std::string> unused_options();
+  // Reductions over more than one rank that PETSc has done since the start of the process.
+  static double reductions();
 
  private:
   bool owner_ = false;  // false when PETSc was running already

@@ -31,7 +31,8 @@ class ExplicitIntegrator final : public Integrator<Dim> {
   StepSizeOptions options_;
   std::vector<FieldId> summed_, filled_;  // grid fields in the one message of each halo exchange
   const char* bound_by_ = "nothing";
-  int stage_p2g_, stage_halo_sum_, stage_grid_, stage_halo_fill_, stage_g2p_, stage_effects_, stage_sort_;
+  int stage_p2g_, stage_halo_sum_, stage_grid_, stage_halo_fill_, stage_g2p_, stage_effects_, stage_limits_,
+      stage_sort_;
 };
 
 }  // namespace mpm
