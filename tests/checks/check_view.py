@@ -2,8 +2,6 @@
 """Checks that mpm_view draws a tiny made-up run, finds the crack tip of it, and refuses wrong requests."""
 import contextlib
 import csv
-import importlib.machinery
-import importlib.util
 import io
 import json
 import os
@@ -17,17 +15,17 @@ import h5py
 import numpy as np
 from PIL import Image
 
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from mpm_program import load_script  # noqa: E402
+
 SOURCE = Path(os.environ.get("MPM_SOURCE_DIR", Path(__file__).resolve().parents[2]))
 TIMES = [0.0, 1e-6, 2e-6, 4e-6]
 SPACING = 0.01  # [m]
 TIPS = [None, 0.305, 0.505, 0.905]  # broken up to here along x [m], on particle positions
 
-sys.dont_write_bytecode = True
 PROGRAM = str(SOURCE / "apps" / "mpm_view")
-loader = importlib.machinery.SourceFileLoader("mpm_view", PROGRAM)  # its name does not end in .py
-mpm_view = importlib.util.module_from_spec(importlib.util.spec_from_loader("mpm_view", loader))
-sys.modules["mpm_view"] = mpm_view
-loader.exec_module(mpm_view)
+mpm_view = load_script(PROGRAM)
 
 failures = []
 

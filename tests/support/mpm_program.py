@@ -1,10 +1,13 @@
 """Starts mpm_hpc on some ranks and reads what it leaves behind: for the scripts in tests/checks."""
 import csv
+import importlib.machinery
+import importlib.util
 import json
 import os
 import re
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections import namedtuple
@@ -22,6 +25,17 @@ ENVIRONMENT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": 
                "OMPI_MCA_btl_vader_single_copy_mechanism": "none", **os.environ}
 
 Outcome = namedtuple("Outcome", "code out err hung")  # code: of the program, or of mpirun
+
+
+def load_script(path):
+    """A program of Python as a module; its name need not end in .py."""
+    path = Path(path)
+    sys.path.insert(0, str(path.parent))
+    loader = importlib.machinery.SourceFileLoader(path.name, str(path))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(path.name, loader))
+    sys.modules[path.name] = module
+    loader.exec_module(module)
+    return module
 
 
 def children(pid):
