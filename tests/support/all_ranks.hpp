@@ -33,7 +33,7 @@ std::vector<T> gather_all(const std::vector<T>& mine, std::vector<int>* ranks = 
   world.broadcast(whose);
   if (ranks) ranks->assign(whose.begin(), whose.end());
   std::vector<T> result(all.size() / sizeof(T));
-  if (!all.empty()) std::memcpy(result.data(), all.data(), all.size());
+  if (!all.empty()) std::memcpy(static_cast<void*>(result.data()), all.data(), all.size());
   return result;
 }
 
