@@ -174,8 +174,13 @@ GridGeometry<Dim> reference_geometry(const State<Dim>& state, const std::vector<
 template <int Dim>
 class ElasticBlock {
  public:
-  ElasticBlock(const Communicator& communicator, const BlockCase& c) {
-    Parameters parameters = Parameters::read_text(scene_text<Dim>(c), "elastic block", {});
+  ElasticBlock(const Communicator& communicator, const BlockCase& c) : ElasticBlock(communicator, scene_text<Dim>(c)) {
+    with_precision(state_.precision, [&](auto zero) { this->template stretch<decltype(zero)>(c.cells); });
+    integrator_->initialise(state_);
+  }
+
+  ElasticBlock(const Communicator& communicator, const std::string& scene) {
+    Parameters parameters = Parameters::read_text(scene, "elastic block", {});
     read_dimension(parameters);
     scene_ = read_scene<Dim>(parameters);
     declare_state(communicator, scene_, state_);
@@ -185,7 +190,6 @@ class ElasticBlock {
     options.cfl = cfl;
     integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(state_, std::move(hooks), options);
     create_particles(scene_, state_);
-    with_precision(state_.precision, [&](auto zero) { this->template stretch<decltype(zero)>(c.cells); });
     integrator_->initialise(state_);
     particles_ = count_particles(state_);
   }

@@ -86,6 +86,13 @@ void read_parallel(Parameters& p, DistributionOptions& options) {
   p.section("parallel", SectionOptions("Distribution over the ranks."), [&](Parameters& q) {
     q.real("rebalance_threshold", options.rebalance_threshold,
            {.min = 1, .doc = "Largest over mean load of a rank past which the blocks are partitioned anew."});
+    std::string partitioner = "auto";
+    q.choice("partitioner", partitioner, {"auto", "bisection", "metis"},
+             "Who divides the blocks among the ranks: bisection across the longest side of what is left, METIS, or auto: METIS "
+             "where bisection leaves an imbalance.");
+    options.partitioner = partitioner == "metis"       ? Partitioner::metis
+                          : partitioner == "bisection" ? Partitioner::bisection
+                                                       : Partitioner::automatic;
     std::string weights = "count";
     q.choice("weights", weights, {"count", "time"},
              "Load of a block: its particles, or these times the measured time, which differs from run to run.");

@@ -46,26 +46,28 @@ std::vector<Real> loads(const Decomposition<2>& d, const Weights& mine) {
 
 TEST(Parallel, DecompositionCoversTheDomain) {
   const GridGeometry<2> grid({0, 0}, {50, 30}, 0.5);
-  Decomposition<2> d(grid);
-  EXPECT_TRUE(d.empty());
-  const Weights mine = rectangle(d, 3, 23, 12, 7);
-  EXPECT_TRUE(d.partition(world(), mine, 0));
-  ASSERT_EQ(static_cast<GlobalIndex>(d.owners().size()), d.entries());
-  EXPECT_EQ(d.entries(), GlobalIndex{grid.blocks()[0]} * grid.blocks()[1]);
-  std::set<GlobalIndex> numbers;
-  for (int x = 0; x < grid.blocks()[0]; ++x)
-    for (int y = 0; y < grid.blocks()[1]; ++y) {
-      numbers.insert(d.coarse_index({x, y}));
-      ASSERT_GE(d.owner({x, y}), 0);
-      ASSERT_LT(d.owner({x, y}), test::size());
-    }
-  EXPECT_EQ(static_cast<GlobalIndex>(numbers.size()), d.entries());
-  same_everywhere(d.owners());
-  const std::vector<Real> load = loads(d, mine);
-  const Real total = std::accumulate(load.begin(), load.end(), 0.0);
-  const Real imbalance = *std::max_element(load.begin(), load.end()) * test::size() / total;
-  if (test::rank() == 0) std::printf("imbalance of a fresh partition %.3f, expected below 1.05\n", imbalance);
-  EXPECT_LT(imbalance, 1.05);
+  for (const Partitioner partitioner : {Partitioner::automatic, Partitioner::bisection, Partitioner::metis}) {
+    Decomposition<2> d(grid, partitioner);
+    EXPECT_TRUE(d.empty());
+    const Weights mine = rectangle(d, 3, 23, 12, 7);
+    EXPECT_TRUE(d.partition(world(), mine, 0));
+    ASSERT_EQ(static_cast<GlobalIndex>(d.owners().size()), d.entries());
+    EXPECT_EQ(d.entries(), GlobalIndex{grid.blocks()[0]} * grid.blocks()[1]);
+    std::set<GlobalIndex> numbers;
+    for (int x = 0; x < grid.blocks()[0]; ++x)
+      for (int y = 0; y < grid.blocks()[1]; ++y) {
+        numbers.insert(d.coarse_index({x, y}));
+        ASSERT_GE(d.owner({x, y}), 0);
+        ASSERT_LT(d.owner({x, y}), test::size());
+      }
+    EXPECT_EQ(static_cast<GlobalIndex>(numbers.size()), d.entries());
+    same_everywhere(d.owners());
+    const std::vector<Real> load = loads(d, mine);
+    const Real total = std::accumulate(load.begin(), load.end(), 0.0);
+    const Real imbalance = *std::max_element(load.begin(), load.end()) * test::size() / total;
+    if (test::rank() == 0) std::printf("imbalance of a fresh partition %.3f, expected below 1.05\n", imbalance);
+    EXPECT_LT(imbalance, 1.05);
+  }
 }
 
 TEST(Parallel, HugeDomainsAreCutIntoCoarserBlocks) {

@@ -6,6 +6,7 @@
 
 #include "mpm_hpc/fields/grid_geometry.hpp"
 #include "mpm_hpc/parallel/communicator.hpp"
+#include "mpm_hpc/parallel/partition.hpp"
 
 namespace mpm {
 
@@ -15,10 +16,10 @@ template <int Dim>
 class Decomposition {
  public:
   static constexpr GlobalIndex max_entries = GlobalIndex{1} << 21;
-  using Weights = std::vector<std::pair<GlobalIndex, Real>>;  // (coarse block, weight), sorted by block
+  using Weights = BlockWeights;
 
   Decomposition() = default;
-  explicit Decomposition(const GridGeometry<Dim>& grid);
+  explicit Decomposition(const GridGeometry<Dim>& grid, Partitioner partitioner = Partitioner::automatic);
 
   // Number of the coarse block that holds a block.
   GlobalIndex coarse_index(const IntVec<Dim>& block) const {
@@ -28,7 +29,7 @@ class Decomposition {
   }
   int owner(const IntVec<Dim>& block) const { return owners_[coarse_index(block)]; }
 
-  // Partitions anew with METIS on rank 0 from the ranks' weights, and renames the parts so that little weight leaves its
+  // Partitions anew on rank 0 from the ranks' weights, and renames the parts so that little weight leaves its
   // present owner. Keeps the present owners unless the new imbalance is at least `gain` better (always, when there are
   // none yet). Returns whether owners changed. Collective.
   bool partition(const Communicator& communicator, const Weights& local_weights, Real gain);
@@ -46,13 +47,10 @@ class Decomposition {
   std::size_t allocated_bytes() const { return owners_.capacity() * sizeof(std::int32_t); }
 
  private:
-  std::vector<int> partition_graph(const Weights& weights, int parts) const;
-  std::vector<int> renamed(const Weights& weights, const std::vector<int>& parts, int ranks) const;
-  void assign(const Weights& weights, const std::vector<int>& owners);
-
   IntVec<Dim> blocks_ = IntVec<Dim>::Zero();
   IntVec<Dim> counts_ = IntVec<Dim>::Zero();  // coarse blocks per direction
   int shift_ = 0;
+  Partitioner partitioner_ = Partitioner::automatic;
   GlobalIndex entries_ = 0;
   std::vector<std::int32_t> owners_;
 };
