@@ -1,6 +1,7 @@
 // Partitions of weighted coarse blocks: METIS as Decomposition uses it against Zoltan's recursive coordinate bisection, by
 // cut, imbalance, weight that moves with a body, and seconds; and how METIS grows with blocks and parts.
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +12,7 @@
 #include <string>
 
 #include "harness.hpp"
-#include "mpm_hpc/parallel/partition.hpp"
+#include "mpm_hpc/parallel/decomposition.hpp"
 #include "zoltan_rcb.hpp"
 
 namespace {
@@ -203,6 +204,7 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
     const std::pair<std::string, Divide> ways[] = {{"bisection", bisection_partition<Dim>},
                                                    {"metis", graph_partition<Dim>}};
     for (const auto& [name, divide] : ways) {
+      malloc_trim(0);
       std::ofstream("/proc/self/clear_refs") << 5;  // the peak starts anew
       const double held = status_megabytes("VmRSS");
       bench.counters[name + "_seconds"] = seconds_of([&] { parts = divide(counts, weights, count); });
@@ -218,6 +220,26 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
   }
 }
 
+// Decomposition::partition as a whole for a domain whose blocks are all occupied: weights to rank 0, division, owners back,
+// table on every rank.
+void bench_whole(benchmark::State& bench, const Communicator& communicator, int side) {
+  const GridGeometry<Dim> grid(Vec<Dim>::Zero(), Vec<Dim>::Constant((side - 5) * block_side), 1);
+  Decomposition<Dim> decomposition(grid);
+  BlockWeights mine;
+  for (GlobalIndex block = communicator.rank() * decomposition.entries() / communicator.size();
+       block < (communicator.rank() + 1) * decomposition.entries() / communicator.size(); ++block)
+    mine.push_back({block, random_weight(block)});
+  for (auto unused : bench) {
+    (void)unused;
+    const std::vector<std::vector<double>> times =
+        time_in_turns(communicator, 3, {[&] { decomposition.partition(communicator, mine, -1e9); }});
+    bench.SetIterationTime(median(times[0]));
+    bench.counters["seconds"] = median(times[0]);
+  }
+  bench.counters["blocks"] = static_cast<double>(decomposition.entries());
+  bench.counters["ranks"] = communicator.size();
+}
+
 void register_cases(const Communicator& communicator, const BenchOptions& options) {
   if (!ZoltanRcb::available() && communicator.root())
     std::printf("Zoltan was not found when this program was built: METIS alone\n");
@@ -229,6 +251,9 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
   }
   std::vector<int> sides = {22, 46};                         // 10^4, 10^5 blocks
   if (options.large) sides.insert(sides.end(), {100, 126});  // 10^6, 2 * 10^6
+  for (const int side : sides)
+    add_case(fmt::format("whole/{}", side * side * side),
+             [&communicator, side](benchmark::State& bench) { bench_whole(bench, communicator, side); });
   for (const int side : sides)
     for (const int parts : {2, 16, 64, 512, 4096, 16384, 65536})
       if (parts * 4 <= side * side * side)

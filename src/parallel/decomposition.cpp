@@ -1,6 +1,6 @@
 #include "mpm_hpc/parallel/decomposition.hpp"
 
-#include <map>
+#include <algorithm>
 
 #include "bytes.hpp"
 
@@ -20,17 +20,21 @@ Decomposition<Dim>::Decomposition(const GridGeometry<Dim>& grid, Partitioner par
 }
 
 template <int Dim>
-bool Decomposition<Dim>::partition(const Communicator& communicator, const Weights& local_weights,
-                                   Real gain) {
+bool Decomposition<Dim>::partition(const Communicator& communicator, const Weights& local_weights, Real gain) {
   const int ranks = communicator.size();
   // Rank 0 learns the occupied blocks and their weights, and tells all of them the new owners.
-  std::map<GlobalIndex, Real> merged;
-  for (const auto& bytes : communicator.gather(to_bytes(local_weights)))
-    for (const auto& [block, weight] : from_bytes<std::pair<GlobalIndex, Real>>(bytes))
-      merged[block] += weight;
+  Weights all, weights;
+  for (const auto& bytes : communicator.gather(to_bytes(local_weights))) {
+    const Weights part = from_bytes<std::pair<GlobalIndex, Real>>(bytes);
+    all.insert(all.end(), part.begin(), part.end());
+  }
+  std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [block, weight] : all) {
+    if (weights.empty() || weights.back().first != block) weights.push_back({block, 0});
+    weights.back().second += weight;
+  }
   std::vector<GlobalIndex> answer;  // block, owner, block, owner, ..., whether they are new
   if (communicator.root()) {
-    const Weights weights(merged.begin(), merged.end());
     const std::vector<int> owners =
         renamed_parts(weights, partition_blocks<Dim>(partitioner_, counts_, weights, ranks), owners_, ranks);
     bool better = owners_.empty();

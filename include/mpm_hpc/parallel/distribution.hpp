@@ -10,15 +10,15 @@
 namespace mpm {
 
 enum class LeavePolicy {
-  stop,    // a particle outside the domain ends the run
-  remove,  // it is deleted and counted
-  keep     // it is put back onto the wall, without the outward velocity, and counted
+  stop,      // a particle outside the domain ends the run
+  remove,    // it is deleted and counted
+  keep       // it is put back onto the wall, without the outward velocity, and counted
 };
 
 struct DistributionOptions {
   Real rebalance_threshold = 1.1;  // of max/mean weight
   Partitioner partitioner = Partitioner::automatic;
-  bool weigh_by_time = false;  // scale weights with the measured compute time (not reproducible)
+  bool weigh_by_time = false;      // scale weights with the measured compute time (not reproducible)
   LeavePolicy leave_policy = LeavePolicy::stop;
   Real kernel_shift = 0.5;
   int kernel_support = 3;
@@ -29,18 +29,13 @@ template <int Dim>
 class Distribution {
  public:
   Distribution() = default;
-  Distribution(const Communicator& communicator, const GridGeometry<Dim>& grid,
-               const DistributionOptions& options)
-      : communicator_(communicator),
-        grid_(grid),
-        options_(options),
-        decomposition_(grid, options.partitioner) {}
+  Distribution(const Communicator& communicator, const GridGeometry<Dim>& grid, const DistributionOptions& options)
+      : communicator_(communicator), grid_(grid), options_(options), decomposition_(grid, options.partitioner) {}
 
   // Migrates, re-balances past the threshold, sorts, rebuilds topology and halo and gives the grid fields their new size.
   // `seconds` is this rank's compute time since the last call. Throws NumericalFailure on all ranks if a particle left
   // the domain under LeavePolicy::stop. Collective.
-  void redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within,
-                    Real seconds = 0);
+  void redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within, Real seconds = 0);
 
   const Communicator& communicator() const { return communicator_; }
   const GridGeometry<Dim>& grid() const { return grid_; }
