@@ -82,9 +82,9 @@ void bench_balance(benchmark::State& bench, const Communicator& communicator, in
   }
   std::vector<double> seconds;
   for (const auto& t : times) seconds.push_back(std::accumulate(t.begin(), t.end(), 0.0));
-  on.report(bench, seconds[0], rounds * steps);
-  metis.report(bench, seconds[1], rounds * steps);
-  off.report(bench, seconds[2], rounds * steps);
+  on.report(bench, seconds[0], static_cast<int>(times[0].size()) * steps);
+  metis.report(bench, seconds[1], static_cast<int>(times[0].size()) * steps);
+  off.report(bench, seconds[2], static_cast<int>(times[0].size()) * steps);
   bench.counters["particles"] = static_cast<double>(off.block.particles());
   bench.counters["ranks"] = communicator.size();
   bench.counters["ratio"] = seconds[2] / seconds[0];
@@ -92,12 +92,16 @@ void bench_balance(benchmark::State& bench, const Communicator& communicator, in
 }
 
 void register_cases(const Communicator& communicator, const BenchOptions& options) {
-  std::vector<int> sizes = {12, 16, 24};
+  std::vector<int> sizes = {12, 16, 24}, plane_sizes = {64, 160};
   if (options.large) sizes.push_back(40);
+  if (options.small) {
+    sizes = {6};
+    plane_sizes = {16};
+  }
   for (const int n : sizes)
     add_case(fmt::format("balance/3d/{}", n),
              [&communicator, n](benchmark::State& bench) { bench_balance<3>(bench, communicator, n); });
-  for (const int n : {64, 160})
+  for (const int n : plane_sizes)
     add_case(fmt::format("balance/2d/{}", n),
              [&communicator, n](benchmark::State& bench) { bench_balance<2>(bench, communicator, n); });
 }

@@ -65,7 +65,7 @@ void bench_halo(benchmark::State& bench, const Communicator& communicator, int c
                            }});
     bench.SetIterationTime(median(times[0]) / exchanges);
   }
-  constexpr int exchanged = (rounds + 1) * exchanges;
+  const double exchanged = static_cast<double>((times[0].size() + 1) * exchanges);
   const double seconds = median(times[0]) / exchanges, plain_seconds = median(times[1]) / exchanges;
   const double sent = static_cast<double>(state.halo().bytes() - bytes) / exchanged;
   debug_check(plain.bytes() - plain_bytes == state.halo().bytes() - bytes,
@@ -97,14 +97,12 @@ void bench_halo(benchmark::State& bench, const Communicator& communicator, int c
 
 template <class T>
 void add_cases(const Communicator& communicator, const std::string& precision, const BenchOptions& options) {
-  std::vector<int> sizes = {20, 40};
-  if (options.large) sizes.push_back(80);
-  for (const int cells : sizes)
-    add_case(fmt::format("halo/{}/3d/{}", precision, cells), [&communicator, cells](benchmark::State& bench) {
-      bench_halo<T, 3>(bench, communicator, cells);
+  std::vector<BlockSize> sizes = block_sizes(options);
+  if (options.large) sizes.push_back({"4M", 80, 3});
+  for (const BlockSize& size : sizes)
+    add_case(fmt::format("halo/{}/{}", precision, size.name), [&communicator, size](benchmark::State& bench) {
+      with_dimension(size.dimension, [&](auto dim) { bench_halo<T, dim>(bench, communicator, size.cells); });
     });
-  add_case(fmt::format("halo/{}/2d/{}", precision, 360),
-           [&communicator](benchmark::State& bench) { bench_halo<T, 2>(bench, communicator, 360); });
 }
 
 void register_cases(const Communicator& communicator, const BenchOptions& options) {

@@ -133,8 +133,7 @@ void report(benchmark::State& bench, const std::string& name, const Counts& coun
   bench.counters[name + "_imbalance"] = max_over_mean(weights, parts, count);
 }
 
-void bench_table(benchmark::State& bench, const Communicator& communicator, int count) {
-  const Counts counts(50, 50, 40);
+void bench_table(benchmark::State& bench, const Communicator& communicator, const Counts& counts, int count) {
   const BlockWeights weights = full_table(counts);
   const std::vector<Partitioner> list = partitioners(communicator, count);
   std::vector<std::vector<int>> parts(list.size());
@@ -148,6 +147,7 @@ void bench_table(benchmark::State& bench, const Communicator& communicator, int 
       bench.counters[list[i].name + "_seconds"] = median(times[i]);
     bench.SetIterationTime(median(times[0]));
   }
+  bench.counters["ranks"] = communicator.size();
   if (!communicator.root()) return;
   bench.counters["blocks"] = static_cast<double>(weights.size());
   for (std::size_t i = 0; i < list.size(); ++i) report(bench, list[i].name, counts, weights, parts[i], count);
@@ -156,10 +156,9 @@ void bench_table(benchmark::State& bench, const Communicator& communicator, int 
 // A ball that moves by 1.5 blocks along x: each partitioner divides it before and after, and the parts after take the names
 // under which least moves (`moved_unnamed`: they keep those of the partitioner). `kept_imbalance`: what the owners of before
 // leave.
-void bench_moved(benchmark::State& bench, const Communicator& communicator, int count) {
-  const Counts counts(68, 62, 62);
-  constexpr Real radius = 29;
-  const Eigen::Vector3d start(32, 31, 31);
+void bench_moved(benchmark::State& bench, const Communicator& communicator, int radius, int count) {
+  const Counts counts(2 * radius + 10, 2 * radius + 4, 2 * radius + 4);
+  const Eigen::Vector3d start(radius + 3, radius + 2, radius + 2);
   const BlockWeights before = ball(counts, start, radius),
                      after = ball(counts, start + Eigen::Vector3d(1.5, 0, 0), radius);
   for (auto unused : bench) {
@@ -180,6 +179,7 @@ void bench_moved(benchmark::State& bench, const Communicator& communicator, int 
       bench.counters[p.name + "_kept_imbalance"] = max_over_mean(after, kept, count);
     }
     bench.counters["blocks"] = static_cast<double>(after.size());
+    bench.counters["ranks"] = communicator.size();
   }
 }
 
@@ -197,6 +197,7 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
   for (auto unused : bench) {
     (void)unused;
     bench.SetIterationTime(1);
+    bench.counters["ranks"] = communicator.size();
     if (!communicator.root()) continue;
     const BlockWeights weights = full_table(counts);
     std::vector<int> parts;
@@ -243,14 +244,19 @@ void bench_whole(benchmark::State& bench, const Communicator& communicator, int 
 void register_cases(const Communicator& communicator, const BenchOptions& options) {
   if (!ZoltanRcb::available() && communicator.root())
     std::printf("Zoltan was not found when this program was built: METIS alone\n");
-  for (int parts = 2; parts <= 64; parts *= 2) {
-    add_case(fmt::format("table/{}", parts),
-             [&communicator, parts](benchmark::State& bench) { bench_table(bench, communicator, parts); });
-    add_case(fmt::format("moved/{}", parts),
-             [&communicator, parts](benchmark::State& bench) { bench_moved(bench, communicator, parts); });
+  const Counts counts = options.small ? Counts(10, 10, 8) : Counts(50, 50, 40);
+  const int radius = options.small ? 6 : 29;
+  for (int parts = 2; parts <= (options.small ? 2 : 64); parts *= 2) {
+    add_case(fmt::format("table/{}", parts), [&communicator, counts, parts](benchmark::State& bench) {
+      bench_table(bench, communicator, counts, parts);
+    });
+    add_case(fmt::format("moved/{}", parts), [&communicator, radius, parts](benchmark::State& bench) {
+      bench_moved(bench, communicator, radius, parts);
+    });
   }
   std::vector<int> sides = {22, 46};                         // 10^4, 10^5 blocks
   if (options.large) sides.insert(sides.end(), {100, 126});  // 10^6, 2 * 10^6
+  if (options.small) sides = {10};
   for (const int side : sides)
     add_case(fmt::format("whole/{}", side * side * side),
              [&communicator, side](benchmark::State& bench) { bench_whole(bench, communicator, side); });

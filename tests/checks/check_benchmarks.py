@@ -23,8 +23,19 @@ PROMISED = {
     "bench_phase_field": {"phase_": ["production", "reference", "ratio", "step_ratio_to_elastic", "phase_share",
                                      "solve_share", "linear_share", "driving_energy", "sweep", "assembly", "Krylov",
                                      "products", "gather", "iterations_per_solve", "reference_iterations", "difference"]},
+    "bench_partition": {"table/": ["metis_cut", "metis_imbalance", "metis_seconds", "bisection_cut", "bisection_imbalance",
+                                   "bisection_seconds"],
+                        "moved/": ["metis_moved", "bisection_moved", "metis_kept_imbalance", "bisection_kept_imbalance"],
+                        "growth/": ["metis_seconds", "bisection_seconds", "metis_megabytes", "table_seconds",
+                                    "naming_seconds"],
+                        "whole/": ["seconds"]},
+    "bench_balance": {"balance/": ["on_rate", "metis_rate", "off_rate", "ratio", "metis_ratio", "on_imbalance_max",
+                                   "on_imbalance_mean", "off_imbalance_max"]},
+    "bench_halo": {"halo/": ["halo_microseconds", "plain_microseconds", "ratio", "bytes_per_step", "messages_per_step",
+                             "plain_messages_per_step", "gb_per_s", "share_of_step", "waited_share"]},
 }
-MAY_VANISH = {"arithmetic_ns", "products", "iterations_per_solve", "difference"}
+MAY_VANISH = {"bytes_per_step", "messages_per_step", "plain_messages_per_step", "gb_per_s", "metis_megabytes",
+              "arithmetic_ns", "products", "iterations_per_solve", "difference"}
 # Cases that are left out where they would take long.
 FILTERS = {("bench_phase_field", 1): "/2k", ("bench_phase_field", 2): "/2d_2k"}
 SAME_SOLUTION = 1e-4  # the plain solve and the program's stop at 1e-6 each

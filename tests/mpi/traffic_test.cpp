@@ -214,7 +214,7 @@ TYPED_TEST(Traffic, OfAnElasticStepFollowsFromThePartition) {
 TYPED_TEST(Traffic, OfAPhaseFieldStepFollowsFromThePartition) {
   constexpr int Dim = TypeParam::Dim;
   for (const bool mobility : {true, false}) {
-    const std::string effect = std::string("[effect.phase_field]\n") + (mobility ? "mobility = 0.1\n" : "") +
+    const std::string effect = std::string("[effect.phase_field]\nactive_tolerance = 0\n") + (mobility ? "mobility = 0.1\n" : "") +
                                (TypeParam::single ? "tolerance = 1e-5\n" : "");
     test::SceneWorld<Dim> world(scene_text<Dim>(TypeParam::single, 2, effect));
     State<Dim>& state = world.state;
