@@ -89,17 +89,21 @@ std::vector<Matrix> as_matrices(const std::vector<Real>& values) {
   return result;
 }
 
+constexpr std::uint64_t rows_at_once = 1 << 16;
+
 template <int Dim>
-void read_share(const CloudFile& file, std::uint64_t total, std::uint64_t rows, PointCloud<Dim>& cloud) {
-  const auto first = static_cast<std::uint64_t>(cloud.first);
-  const auto share = [&](const char* name, const Extent& row) {
+PointCloud<Dim> read_piece(const CloudFile& file, std::uint64_t total, std::uint64_t first, std::uint64_t rows) {
+  const auto part = [&](const char* name, const Extent& row) {
     const Hdf5Id dataset = file.dataset(name, total, row);
     return dataset.valid() ? file.read(name, dataset, first, rows) : std::vector<Real>();
   };
-  cloud.positions = as_matrices<Vec<Dim>>(share("position", {Dim}));
-  cloud.velocities = as_matrices<Vec<Dim>>(share("velocity", {Dim}));
-  cloud.volumes = share("volume", {});
-  cloud.deformation_gradients = as_matrices<Mat<Dim>>(share("deformation_gradient", {Dim, Dim}));
+  PointCloud<Dim> cloud;
+  cloud.first = static_cast<GlobalIndex>(first);
+  cloud.total = static_cast<GlobalIndex>(total);
+  cloud.positions = as_matrices<Vec<Dim>>(part("position", {Dim}));
+  cloud.velocities = as_matrices<Vec<Dim>>(part("velocity", {Dim}));
+  cloud.volumes = part("volume", {});
+  cloud.deformation_gradients = as_matrices<Mat<Dim>>(part("deformation_gradient", {Dim, Dim}));
   for (std::size_t p = 0; p < cloud.volumes.size(); ++p)
     if (cloud.volumes[p] <= 0)
       file.fail(fmt::format("has the volume {} m^3 in row {}, but volumes are positive", cloud.volumes[p],
@@ -108,13 +112,14 @@ void read_share(const CloudFile& file, std::uint64_t total, std::uint64_t rows, 
     if (cloud.deformation_gradients[p].determinant() <= 0)
       file.fail(
           fmt::format("has a deformation_gradient in row {} whose determinant is not positive", first + p));
+  return cloud;
 }
 
 }  // namespace
 
 template <int Dim>
-PointCloud<Dim> read_point_cloud_hdf5(const Communicator& communicator, const std::filesystem::path& file,
-                                      const std::string& where) {
+void read_point_cloud_hdf5(const Communicator& communicator, const std::filesystem::path& file,
+                           const std::string& where, const std::function<void(const PointCloud<Dim>&)>& take) {
   std::uint64_t total = 0;
   on_root(communicator, [&] {
     const CloudFile source(file, where);
@@ -130,19 +135,19 @@ PointCloud<Dim> read_point_cloud_hdf5(const Communicator& communicator, const st
   });
   MPI_Bcast(&total, 1, MPI_UINT64_T, 0, mpi_comm(communicator));
 
-  PointCloud<Dim> cloud;
-  cloud.total = static_cast<GlobalIndex>(total);
   const auto size = static_cast<std::uint64_t>(communicator.size());
   const auto start = [&](std::uint64_t rank) { return total / size * rank + std::min(rank, total % size); };
-  cloud.first = static_cast<GlobalIndex>(start(communicator.rank()));
-  const std::uint64_t rows = start(communicator.rank() + 1) - start(communicator.rank());
-  together(communicator, [&] { read_share(CloudFile(file, where), total, rows, cloud); });
-  return cloud;
+  const std::uint64_t end = start(communicator.rank() + 1);
+  together(communicator, [&] {
+    const CloudFile source(file, where);
+    for (std::uint64_t row = start(communicator.rank()); row < end; row += rows_at_once)
+      take(read_piece<Dim>(source, total, row, std::min(rows_at_once, end - row)));
+  });
 }
 
-template PointCloud<2> read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&,
-                                             const std::string&);
-template PointCloud<3> read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&,
-                                             const std::string&);
+template void read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&, const std::string&,
+                                    const std::function<void(const PointCloud<2>&)>&);
+template void read_point_cloud_hdf5(const Communicator&, const std::filesystem::path&, const std::string&,
+                                    const std::function<void(const PointCloud<3>&)>&);
 
 }  // namespace mpm

@@ -1,6 +1,8 @@
 #include "mpm_hpc/simulation/setup.hpp"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/fields/point_cloud.hpp"
@@ -38,39 +40,89 @@ void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Di
 
 namespace {
 
+constexpr GlobalIndex particles_at_once = 1 << 16;
+
 bool is_hdf5(const std::string& file) {
   return file.ends_with(".h5") || file.ends_with(".hdf5");
 }
 
-// This rank's share of a body's particles.
+// This rank's share of a body's particles, piece by piece, so that seeded ones needn't all exist beside the columns.
 template <int Dim>
-PointCloud<Dim> share_of(const Communicator& communicator, BodyDefinition<Dim>& definition) {
-  PointCloud<Dim> cloud;
-  if (!definition.cloud.empty() && is_hdf5(definition.cloud))
-    return read_point_cloud_hdf5<Dim>(communicator, definition.cloud, definition.cloud_where);
-  together(communicator, [&] {
-    const int rank = communicator.rank(), ranks = communicator.size();
-    if (!definition.cloud.empty()) {
-      cloud = read_point_cloud_csv<Dim>(definition.cloud, rank, ranks);
+class ParticleShare {
+ public:
+  // Collective.
+  ParticleShare(const Communicator& communicator, const BodyDefinition<Dim>& definition)
+      : communicator_(communicator), definition_(definition) {
+    together(communicator, [&] {
+      const int rank = communicator.rank(), ranks = communicator.size();
+      if (!definition.cloud.empty()) {
+        if (!is_hdf5(definition.cloud)) cloud_ = read_point_cloud_csv<Dim>(definition.cloud, rank, ranks);
+        return;
+      }
+      seeding_.emplace(definition.shape, definition.seeding);
+      cell_ = seeding_->first_cell(rank, ranks);
+      end_cell_ = seeding_->first_cell(rank + 1, ranks);
+      cells_at_once_ = particles_at_once / definition.seeding.particles_per_cell + 1;
+    });
+  }
+
+  // f gets a PointCloud and must not communicate. Collective.
+  template <class F>
+  void for_each_piece(F&& f) const {
+    if (!seeding_) {
+      if (is_hdf5(definition_.cloud)) {
+        read_point_cloud_hdf5<Dim>(communicator_, definition_.cloud, definition_.cloud_where, f);
+      } else {
+        f(cloud_);
+      }
       return;
     }
-    const Seeding<Dim> seeding(definition.shape, definition.seeding);
-    cloud.positions = seeding.particles(seeding.first_cell(rank, ranks), seeding.first_cell(rank + 1, ranks));
-    cloud.volumes.assign(cloud.positions.size(), seeding.particle_volume());
-  });
-  return cloud;
-}
+    PointCloud<Dim> piece;
+    for (GlobalIndex cell = cell_; cell < end_cell_; cell += cells_at_once_) {
+      piece.positions = seeding_->particles(cell, std::min(cell + cells_at_once_, end_cell_));
+      piece.volumes.assign(piece.positions.size(), seeding_->particle_volume());
+      f(std::as_const(piece));
+    }
+  }
+
+ private:
+  const Communicator& communicator_;
+  const BodyDefinition<Dim>& definition_;
+  PointCloud<Dim> cloud_;
+  std::optional<Seeding<Dim>> seeding_;
+  GlobalIndex cell_ = 0, end_cell_ = 0, cells_at_once_ = 1;
+};
+
+// What must be known of a share before its columns are filled.
+template <int Dim>
+struct Survey {
+  GlobalIndex count = 0;
+  Vec<Dim> lower = Vec<Dim>::Constant(std::numeric_limits<Real>::infinity()), upper = -lower;
+  std::optional<Vec<Dim>> outside;  // a particle outside of the domain
+  bool has_volumes = false;
+
+  Survey(const ParticleShare<Dim>& share, const GridGeometry<Dim>& geometry) {
+    share.for_each_piece([&](const PointCloud<Dim>& piece) {
+      count += static_cast<GlobalIndex>(piece.positions.size());
+      has_volumes = has_volumes || !piece.volumes.empty();
+      for (const Vec<Dim>& x : piece.positions) {
+        lower = lower.cwiseMin(x);
+        upper = upper.cwiseMax(x);
+        if (!geometry.contains(x)) outside = x;
+      }
+    });
+  }
+};
 
 // The middle of a body: of its shape's bounds, or of its particles'.
 template <int Dim>
-Vec<Dim> middle(const Communicator& communicator, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud) {
+Vec<Dim> middle(const Communicator& communicator, const BodyDefinition<Dim>& definition, const Survey<Dim>& survey) {
   if (definition.center) return *definition.center;
-  std::vector<Real> upper(2 * Dim, -std::numeric_limits<Real>::infinity());
-  for (const Vec<Dim>& x : cloud.positions)
-    for (int a = 0; a < Dim; ++a) {
-      upper[a] = std::max(upper[a], x[a]);
-      upper[Dim + a] = std::max(upper[Dim + a], -x[a]);
-    }
+  std::vector<Real> upper(2 * Dim);
+  for (int a = 0; a < Dim; ++a) {
+    upper[a] = survey.upper[a];
+    upper[Dim + a] = -survey.lower[a];
+  }
   communicator.max(upper);
   Vec<Dim> centre;
   for (int a = 0; a < Dim; ++a) centre[a] = (upper[a] - upper[Dim + a]) / 2;
@@ -88,9 +140,10 @@ void fill_initial(const FieldSet& fields, FieldId f) {
   }
 }
 
+// The particles of a piece become those from `first` on.
 template <int Dim, class T>
-void fill_body(const FieldSet& f, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud,
-               const Vec<Dim>& centre, Real density, GlobalIndex first_id) {
+void fill_piece(const FieldSet& f, Index first, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud,
+                const Vec<Dim>& centre, Real density, GlobalIndex first_id) {
   // Velocity of a rigid rotation: v = W (x - centre), W_ab = -eps_abc omega_c.
   Mat<Dim> spin = Mat<Dim>::Zero();
   spin(0, 1) = -definition.angular_velocity[2];
@@ -101,10 +154,11 @@ void fill_body(const FieldSet& f, const BodyDefinition<Dim>& definition, const P
     spin(1, 2) = -definition.angular_velocity[0];
     spin(2, 1) = definition.angular_velocity[0];
   }
-  for (Index p = 0; p < f.size(); ++p) {
-    const Vec<Dim>& x = cloud.positions[p];
+  for (std::size_t i = 0; i < cloud.positions.size(); ++i) {
+    const Index p = first + static_cast<Index>(i);
+    const Vec<Dim>& x = cloud.positions[i];
     Vec<Dim> v = definition.velocity + spin * (x - centre);
-    if (!cloud.velocities.empty()) v += cloud.velocities[p];
+    if (!cloud.velocities.empty()) v += cloud.velocities[i];
     f.template data<GlobalIndex>(core::id)[p] = first_id + p;
     for (int a = 0; a < Dim; ++a) {
       f.template data<Real>(core::position, a)[p] = x[a];
@@ -113,10 +167,10 @@ void fill_body(const FieldSet& f, const BodyDefinition<Dim>& definition, const P
         f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(spin(a, b));
         if (!cloud.deformation_gradients.empty())
           f.template data<T>(core::deformation_gradient, a * Dim + b)[p] =
-              static_cast<T>(cloud.deformation_gradients[p](a, b));
+              static_cast<T>(cloud.deformation_gradients[i](a, b));
       }
     }
-    const Real volume = cloud.volumes.empty() ? 1 : cloud.volumes[p];
+    const Real volume = cloud.volumes.empty() ? 1 : cloud.volumes[i];
     f.template data<T>(core::volume)[p] = static_cast<T>(volume);
     f.template data<T>(core::mass)[p] = static_cast<T>(density * volume);
   }
@@ -130,28 +184,25 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
   GlobalIndex next_id = 0;
   std::vector<std::size_t> without_volume;
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
-    BodyDefinition<Dim>& definition = scene.bodies[b];
-    const PointCloud<Dim> cloud = share_of(communicator, definition);
-    const GlobalIndex count = static_cast<GlobalIndex>(cloud.positions.size());
-    const GlobalIndex total = communicator.sum(count);
+    const BodyDefinition<Dim>& definition = scene.bodies[b];
+    const ParticleShare<Dim> share(communicator, definition);
+    const Survey<Dim> survey(share, state.geometry());
+    const GlobalIndex total = communicator.sum(survey.count);
     require(total > 0, "{}: body \"{}\" has no particles; its shape holds no lattice point, so enlarge it or refine grid.spacing",
             definition.where, definition.name);
-    const Vec<Dim>* outside = nullptr;
-    for (const Vec<Dim>& x : cloud.positions)
-      if (!state.geometry().contains(x)) outside = &x;
     together(communicator, [&] {
-      if (!outside) return;
+      if (!survey.outside) return;
       std::string place;
-      for (int a = 0; a < Dim; ++a) place += fmt::format("{}{:.6g}", a ? ", " : "", (*outside)[a]);
+      for (int a = 0; a < Dim; ++a) place += fmt::format("{}{:.6g}", a ? ", " : "", (*survey.outside)[a]);
       throw UserError(fmt::format("{}: body \"{}\" reaches out of the domain at ({}) m; move it or enlarge domain.lower "
                                   "and domain.upper",
                                   definition.where, definition.name, place));
     });
-    const GlobalIndex first_id = next_id + communicator.exclusive_sum(count);
+    const GlobalIndex first_id = next_id + communicator.exclusive_sum(survey.count);
     next_id += total;
-    const Vec<Dim> centre = middle(communicator, definition, cloud);
+    const Vec<Dim> centre = middle(communicator, definition, survey);
     FieldSet& fields = state.bodies[b].particles;
-    fields.resize(static_cast<Index>(count));
+    fields.resize(static_cast<Index>(survey.count));
     for (FieldId f = 0; f < fields.count(); ++f) {
       switch (fields.traits(f).type) {
         case ScalarType::float32: fill_initial<float>(fields, f); break;
@@ -159,10 +210,14 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
         case ScalarType::int64: fill_initial<GlobalIndex>(fields, f); break;
       }
     }
-    with_precision(state.precision, [&](auto zero) {
-      fill_body<Dim, decltype(zero)>(fields, definition, cloud, centre, state.material_of(b).density(), first_id);
+    Index first = 0;
+    share.for_each_piece([&](const PointCloud<Dim>& piece) {
+      with_precision(state.precision, [&](auto zero) {
+        fill_piece<Dim, decltype(zero)>(fields, first, definition, piece, centre, state.material_of(b).density(), first_id);
+      });
+      first += static_cast<Index>(piece.positions.size());
     });
-    if (!definition.cloud.empty() && !communicator.any(!cloud.volumes.empty())) without_volume.push_back(b);
+    if (!communicator.any(survey.has_volumes)) without_volume.push_back(b);
   }
   for (auto& effect : scene.effects) effect->initialise(state);
   sort_particles(state, OrderWithinCell::canonical);
