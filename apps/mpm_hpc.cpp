@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "mpm_hpc/base/memory.hpp"
 #include "mpm_hpc/base/processor.hpp"
 #include "mpm_hpc/simulation/simulation.hpp"
 #include "mpm_hpc/solvers/petsc_session.hpp"
@@ -104,6 +105,7 @@ int run(const mpm::Communicator& communicator, const CommandLine& line) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  mpm::return_freed_memory();
   MPI_Init(&argc, &argv);
   for (const int signal : {SIGTERM, SIGUSR1, SIGINT}) std::signal(signal, [](int) { mpm::request_stop(); });
   std::signal(SIGXFSZ, SIG_IGN);  // a full quota is an error of the write, not the end of the process

@@ -216,7 +216,7 @@ class ElasticBlock {
   State<Dim>& state() { return state_; }
   GlobalIndex particles() const { return particles_; }
   Real bytes_per_particle() const {
-    return state_.communicator().sum(static_cast<Real>(memory_use(state_, scene_.effects).total())) /
+    return state_.communicator().sum(static_cast<Real>(total_bytes(memory_account(state_, scene_.effects)))) /
            static_cast<Real>(particles_);
   }
   // Solves and iterations since the start.

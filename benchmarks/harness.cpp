@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/base/memory.hpp"
 #include "mpm_hpc/solvers/petsc_session.hpp"
 #include "roofline.hpp"
 
@@ -113,6 +114,7 @@ double median_ratio(const std::vector<std::vector<double>>& times, std::size_t o
 
 int run_benchmarks(int argc, char** argv,
                    const std::function<void(const Communicator&, const BenchOptions&)>& register_cases) {
+  return_freed_memory();
   MPI_Init(&argc, &argv);
   int code = 1;
   try {

@@ -12,7 +12,10 @@ void Ledger::consolidate(const Communicator& communicator) {
 
 template <int Dim>
 void sort_particles(State<Dim>& state, OrderWithinCell within) {
+  const int rebalances = state.distribution.rebalances();
+  state.memory.begin();
   state.distribution.redistribute(state.bodies, state.fields, within, state.busy);
+  state.memory.end(state.distribution.rebalances() == rebalances ? "sort and migrate" : "re-balance");
   state.busy = 0;
   state.drift = 0;
 }

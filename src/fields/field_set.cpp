@@ -1,5 +1,6 @@
 #include "mpm_hpc/fields/field_set.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 #include "mpm_hpc/base/error.hpp"
@@ -29,8 +30,7 @@ void FieldSet::resize(Index size) {
     for (int c = 0; c < column.traits.components; ++c) {
       AlignedBuffer& buffer = column.components[c];
       if (!buffer.data() || needed > buffer.capacity()) {
-        // A little slack, so that a few arriving particles don't reallocate every column.
-        AlignedBuffer larger(needed + needed / 32, (column.first_stagger + c) * stagger_step);
+        AlignedBuffer larger(needed, (column.first_stagger + c) * stagger_step);
         if (size_ > 0) std::memcpy(larger.data(), buffer.data(), width * static_cast<std::size_t>(size_));
         buffer.swap(larger);
       }
@@ -49,6 +49,27 @@ void gather_component(const void* from, void* to, const std::vector<Index>& sour
   for (std::size_t i = 0; i < source.size(); ++i) out[i] = in[source[i]];
 }
 
+// Values of some particles into every stride-th byte from `out` on, and back.
+template <class Word>
+void pack_component(const void* from, std::span<const Index> particles, char* out, std::size_t stride) {
+  const Word* in = static_cast<const Word*>(from);
+  for (std::size_t i = 0; i < particles.size(); ++i) std::memcpy(out + i * stride, &in[particles[i]], sizeof(Word));
+}
+template <class Word>
+void unpack_component(const char* in, std::size_t stride, std::span<const Index> particles, void* to) {
+  Word* out = static_cast<Word*>(to);
+  for (std::size_t i = 0; i < particles.size(); ++i) std::memcpy(&out[particles[i]], in + i * stride, sizeof(Word));
+}
+
+// Calls f(block, number of its first particle) for few particles at a time, whose packed bytes stay in the cache while
+// component after component is copied.
+template <class F>
+void for_blocks(std::span<const Index> particles, F&& f) {
+  constexpr std::size_t block = 256;
+  for (std::size_t first = 0; first < particles.size(); first += block)
+    f(particles.subspan(first, std::min(block, particles.size() - first)), first);
+}
+
 }  // namespace
 
 void FieldSet::gather(const std::vector<Index>& source) {
@@ -56,13 +77,14 @@ void FieldSet::gather(const std::vector<Index>& source) {
     const int width = bytes_of(column.traits.type);
     for (int c = 0; c < column.traits.components; ++c) {
       AlignedBuffer& buffer = column.components[c];
-      spare_.allocate(width * source.size(), (column.first_stagger + c) * stagger_step);
+      AlignedBuffer& spare = spare_[width == 8];
+      spare.allocate(width * source.size(), (column.first_stagger + c) * stagger_step);
       if (width == 4) {
-        gather_component<std::uint32_t>(buffer.data(), spare_.data(), source);
+        gather_component<std::uint32_t>(buffer.data(), spare.data(), source);
       } else {
-        gather_component<std::uint64_t>(buffer.data(), spare_.data(), source);
+        gather_component<std::uint64_t>(buffer.data(), spare.data(), source);
       }
-      buffer.swap(spare_);
+      buffer.swap(spare);
     }
   }
   size_ = static_cast<Index>(source.size());
@@ -74,40 +96,41 @@ int FieldSet::bytes_per_particle() const {
   return bytes;
 }
 
-std::size_t FieldSet::allocated_bytes() const {
-  std::size_t bytes = spare_.allocated();
-  for (const Column& column : columns_)
-    for (const AlignedBuffer& buffer : column.components) bytes += buffer.allocated();
+std::size_t FieldSet::allocated_bytes(FieldId f) const {
+  std::size_t bytes = 0;
+  for (const AlignedBuffer& buffer : columns_[f].components) bytes += buffer.allocated();
   return bytes;
 }
 
-void FieldSet::pack(const std::vector<Index>& particles, std::vector<char>& out) const {
+void FieldSet::pack(std::span<const Index> particles, std::vector<char>& out) const {
   const std::size_t start = out.size(), stride = bytes_per_particle();
   out.resize(start + stride * particles.size());
-  std::size_t offset = start;
-  for (const Column& column : columns_) {
-    const int width = bytes_of(column.traits.type);
-    for (const AlignedBuffer& buffer : column.components) {
-      const char* in = static_cast<const char*>(buffer.data());
-      for (std::size_t i = 0; i < particles.size(); ++i)
-        std::memcpy(&out[offset + i * stride], in + static_cast<std::size_t>(particles[i]) * width, width);
-      offset += width;
+  for_blocks(particles, [&](std::span<const Index> block, std::size_t first) {
+    std::size_t offset = start + first * stride;
+    for (const Column& column : columns_) {
+      const std::size_t width = bytes_of(column.traits.type);
+      const auto pack_values = width == 4 ? pack_component<std::uint32_t> : pack_component<std::uint64_t>;
+      for (const AlignedBuffer& buffer : column.components) {
+        pack_values(buffer.data(), block, &out[offset], stride);
+        offset += width;
+      }
     }
-  }
+  });
 }
 
-void FieldSet::unpack(const char* in, Index first, Index count) {
+void FieldSet::unpack(const char* in, std::span<const Index> particles) {
   const std::size_t stride = bytes_per_particle();
-  std::size_t offset = 0;
-  for (Column& column : columns_) {
-    const int width = bytes_of(column.traits.type);
-    for (AlignedBuffer& buffer : column.components) {
-      char* out = static_cast<char*>(buffer.data()) + static_cast<std::size_t>(first) * width;
-      for (Index i = 0; i < count; ++i)
-        std::memcpy(out + static_cast<std::size_t>(i) * width, in + offset + i * stride, width);
-      offset += width;
+  for_blocks(particles, [&](std::span<const Index> block, std::size_t first) {
+    std::size_t offset = first * stride;
+    for (const Column& column : columns_) {
+      const std::size_t width = bytes_of(column.traits.type);
+      const auto unpack_values = width == 4 ? unpack_component<std::uint32_t> : unpack_component<std::uint64_t>;
+      for (const AlignedBuffer& buffer : column.components) {
+        unpack_values(in + offset, stride, block, buffer.data());
+        offset += width;
+      }
     }
-  }
+  });
 }
 
 }  // namespace mpm

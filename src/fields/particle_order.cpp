@@ -7,14 +7,14 @@ namespace mpm {
 
 template <int Dim>
 std::vector<BlockKey> order_particles(Body<Dim>& body, const GridGeometry<Dim>& grid, Real shift, int pad,
-                                      const std::vector<char>& keep, OrderWithinCell within) {
+                                      OrderWithinCell within) {
   FieldSet& fields = body.particles;
   const Index n = fields.size();
   const GlobalIndex* ids = fields.template data<GlobalIndex>(core::id);
   std::vector<Index> order;
   order.reserve(n);
   for (Index p = 0; p < n; ++p)
-    if (ids[p] >= 0 && (keep.empty() || keep[p])) order.push_back(p);
+    if (ids[p] >= 0) order.push_back(p);
   if (within == OrderWithinCell::canonical)
     std::sort(order.begin(), order.end(), [ids](Index a, Index b) { return ids[a] < ids[b]; });
 
@@ -103,9 +103,7 @@ std::vector<BlockKey> order_particles(Body<Dim>& body, const GridGeometry<Dim>& 
   return occupied;
 }
 
-template std::vector<BlockKey> order_particles<2>(Body<2>&, const GridGeometry<2>&, Real, int,
-                                                  const std::vector<char>&, OrderWithinCell);
-template std::vector<BlockKey> order_particles<3>(Body<3>&, const GridGeometry<3>&, Real, int,
-                                                  const std::vector<char>&, OrderWithinCell);
+template std::vector<BlockKey> order_particles<2>(Body<2>&, const GridGeometry<2>&, Real, int, OrderWithinCell);
+template std::vector<BlockKey> order_particles<3>(Body<3>&, const GridGeometry<3>&, Real, int, OrderWithinCell);
 
 }  // namespace mpm

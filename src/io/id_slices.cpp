@@ -13,7 +13,7 @@ namespace {
 // hand for the next round; smaller pieces would be written too slowly.
 std::uint64_t rows_per_piece(std::uint64_t largest_rank, int bytes_per_particle) {
   const std::uint64_t most = std::max<std::uint64_t>((std::uint64_t{1} << 24) / bytes_per_particle, 1);
-  return std::min(std::max<std::uint64_t>(largest_rank / 32, 1 << 14), most);
+  return std::min(std::max<std::uint64_t>(largest_rank / 32, 1 << 12), most);
 }
 
 }  // namespace
@@ -76,19 +76,7 @@ IdSlices::Piece IdSlices::piece(int round) const {
   for (std::size_t i = round_start_[round]; i < round_start_[round + 1]; ++i)
     leaving[piece_of_bucket_[bucket(ids[order_[i]])] / rounds_].push_back(order_[i]);
   std::map<int, Communicator::Bytes> outgoing;
-  // Component by component, but of few particles at a time: the packed ones stay in the cache until all are
-  // there.
-  constexpr std::size_t block = 256;
-  std::vector<Index> some;
-  for (const auto& [target, particles] : leaving) {
-    Communicator::Bytes& bytes = outgoing[target];
-    bytes.reserve(particles.size() * particles_.bytes_per_particle());
-    for (std::size_t begin = 0; begin < particles.size(); begin += block) {
-      const auto first = particles.begin() + static_cast<std::ptrdiff_t>(begin);
-      some.assign(first, first + static_cast<std::ptrdiff_t>(std::min(block, particles.size() - begin)));
-      particles_.pack(some, bytes);
-    }
-  }
+  for (const auto& [target, particles] : leaving) particles_.pack(particles, outgoing[target]);
 
   Piece piece;
   auto own = outgoing.extract(communicator_.rank());

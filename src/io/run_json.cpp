@@ -7,8 +7,26 @@
 
 namespace mpm {
 
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json memory_json(const MemoryReport& memory) {
+  Json account = Json::object(), phases = Json::object();
+  for (const auto& [holder, bytes] : memory.account) account[holder] = bytes;
+  if (memory.has_phases)
+    for (const auto& phase : memory.phases)
+      phases[phase.name] = Json{{"peak_bytes", phase.peak_bytes}, {"peak_over_steady", phase.over_steady}};
+  return Json{{"before_bytes", memory.before_bytes},
+              {"array_bytes", memory.steady_bytes},
+              {"peak_over_steady", memory.peak_over_steady},
+              {"phases", phases},
+              {"account", account}};
+}
+
+}  // namespace
+
 std::string run_json_text(const RunReport& report) {
-  using Json = nlohmann::ordered_json;
   const auto spread = [](const Spread& s) { return Json{{"min", s.min}, {"mean", s.mean}, {"max", s.max}}; };
   Json stages = Json::object(), traffic = Json::object();
   for (const auto& [name, time] : report.stages) stages[name] = spread(time);
@@ -26,8 +44,16 @@ std::string run_json_text(const RunReport& report) {
   json["wall_seconds"] = report.wall_seconds;
   json["particle_steps_per_second_per_core"] = report.particle_steps_per_second_per_core;
   json["bytes_per_particle"] = report.bytes_per_particle;
-  json["peak_rss_bytes"] = report.peak_rss_bytes;
+  json["peak_rss_bytes"] = report.memory.peak_bytes;
+  json["memory"] = memory_json(report.memory);
   json["stages"] = stages;
+  Json files = Json::object();
+  for (const auto& [name, traffic] : report.files)
+    files[name] = Json{{"files", traffic.files},
+                       {"bytes", traffic.bytes},
+                       {"seconds", traffic.seconds},
+                       {"gb_per_second", traffic.gb_per_second()}};
+  json["files"] = files;
   json["messages_per_step"] = report.messages_per_step;
   json["bytes_per_step"] = report.bytes_per_step;
   json["halo_messages_per_step"] = report.halo_messages_per_step;

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 #include <unordered_map>
 
+#include "bytes.hpp"
 #include "mpm_hpc/base/error.hpp"
 
 namespace mpm {
@@ -37,12 +39,9 @@ template <int Dim>
 typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vector<Body<Dim>>& bodies,
                                                                 Real factor) const {
   std::unordered_map<GlobalIndex, Real> sums;
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const Body<Dim>& body = bodies[b];
+  for (const Body<Dim>& body : bodies)
     for (Index p = 0; p < body.particles.size(); ++p)
-      if (!body.is_padding(p) && (keep_[b].empty() || keep_[b][p]))
-        sums[decomposition_.coarse_index(block_of(body, p))] += factor;
-  }
+      if (!body.is_padding(p)) sums[decomposition_.coarse_index(block_of(body, p))] += factor;
   typename Decomposition<Dim>::Weights result(sums.begin(), sums.end());
   std::sort(result.begin(), result.end());
   return result;
@@ -51,9 +50,7 @@ typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vecto
 template <int Dim>
 void Distribution<Dim>::apply_leave_policy(std::vector<Body<Dim>>& bodies) {
   std::string failure;
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    Body<Dim>& body = bodies[b];
-    keep_[b].clear();
+  for (Body<Dim>& body : bodies) {
     for (Index p = 0; p < body.particles.size(); ++p) {
       if (body.is_padding(p)) continue;
       const Vec<Dim> x = position_of(body, p);
@@ -65,8 +62,7 @@ void Distribution<Dim>::apply_leave_policy(std::vector<Body<Dim>>& bodies) {
               "domain.on_leave = \"delete\" or \"keep\"",
               body.particles.template data<GlobalIndex>(core::id)[p], body.name, describe_place<Dim>(x));
       } else if (options_.leave_policy == LeavePolicy::remove) {
-        if (keep_[b].empty()) keep_[b].assign(body.particles.size(), 1);
-        keep_[b][p] = 0;
+        body.particles.template data<GlobalIndex>(core::id)[p] = padding_id;
         ++removed_;
       } else {
         ++kept_;
@@ -86,40 +82,151 @@ void Distribution<Dim>::apply_leave_policy(std::vector<Body<Dim>>& bodies) {
   communicator_.fail_together(failure);
 }
 
+namespace {
+
+// Numbers of particles per body that come from any rank, when each rank says how many go to whom. Collective.
+template <class Leaving>
+std::vector<GlobalIndex> count_arrivals(const Communicator& communicator, const std::vector<Leaving>& leaving) {
+  std::map<int, std::vector<GlobalIndex>> counts;
+  for (std::size_t b = 0; b < leaving.size(); ++b)
+    for (const auto& [owner, particles] : leaving[b].particles) {
+      counts[owner].resize(leaving.size());
+      counts[owner][b] = static_cast<GlobalIndex>(particles.size());
+    }
+  std::map<int, Communicator::Bytes> outgoing;
+  for (const auto& [owner, list] : counts) outgoing[owner] = to_bytes(list);
+  std::vector<GlobalIndex> arrivals(leaving.size(), 0);
+  for (const auto& [source, bytes] : communicator.exchange(outgoing)) {
+    const std::vector<GlobalIndex> list = from_bytes<GlobalIndex>(bytes);
+    for (std::size_t b = 0; b < arrivals.size(); ++b) arrivals[b] += list[b];
+  }
+  return arrivals;
+}
+
+// New free places behind the particles.
+template <int Dim>
+void add_places(Body<Dim>& body, std::vector<Index>& free, Index count) {
+  const Index first = body.particles.size();
+  body.particles.resize(first + count);
+  GlobalIndex* ids = body.particles.template data<GlobalIndex>(core::id);
+  for (Index p = first; p < first + count; ++p) {
+    ids[p] = padding_id;
+    free.push_back(p);
+  }
+}
+
+// Removes padding, if it is much.
+template <int Dim>
+void close_gaps(Body<Dim>& body) {
+  std::vector<Index> real;
+  real.reserve(static_cast<std::size_t>(body.real_particles()));
+  if (real.capacity() > static_cast<std::size_t>(body.particles.size()) / 16 * 15) return;
+  for (Index p = 0; p < body.particles.size(); ++p)
+    if (!body.is_padding(p)) real.push_back(p);
+  body.particles.gather(real);
+}
+
+// The last `count` free places.
+template <int Dim>
+std::vector<Index> take_places(Body<Dim>& body, std::vector<Index>& free, Index count) {
+  const Index present = static_cast<Index>(free.size());
+  if (count > present) add_places(body, free, count - present);
+  const std::vector<Index> places(free.end() - count, free.end());
+  free.resize(free.size() - places.size());
+  return places;
+}
+
+}  // namespace
+
+template <int Dim>
+std::vector<typename Distribution<Dim>::Leaving> Distribution<Dim>::find_leaving(
+    const std::vector<Body<Dim>>& bodies) const {
+  std::vector<Leaving> leaving(bodies.size());
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const Body<Dim>& body = bodies[b];
+    for (Index p = 0; p < body.particles.size(); ++p) {
+      if (body.is_padding(p)) {
+        leaving[b].free.push_back(p);
+        continue;
+      }
+      const int owner = decomposition_.owner(block_of(body, p));
+      if (owner != communicator_.rank()) leaving[b].particles[owner].push_back(p);
+    }
+  }
+  return leaving;
+}
+
 template <int Dim>
 void Distribution<Dim>::migrate(std::vector<Body<Dim>>& bodies) {
   if (communicator_.size() == 1) return;
-  std::map<int, Communicator::Bytes> outgoing;
+  std::vector<Leaving> leaving = find_leaving(bodies);
+  std::vector<GlobalIndex> arrivals = count_arrivals(communicator_, leaving);
+  // When one body grows here while another one shrinks, columns are made longer and shorter in between.
+  GlobalIndex grown = 0, held = 0;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    Body<Dim>& body = bodies[b];
-    std::map<int, std::vector<Index>> leaving;
-    for (Index p = 0; p < body.particles.size(); ++p) {
-      if (body.is_padding(p) || (!keep_[b].empty() && !keep_[b][p])) continue;
-      const int owner = decomposition_.owner(block_of(body, p));
-      if (owner != communicator_.rank()) leaving[owner].push_back(p);
-    }
-    for (const auto& [owner, particles] : leaving) {
-      if (keep_[b].empty()) keep_[b].assign(body.particles.size(), 1);
-      for (Index p : particles) keep_[b][p] = 0;
-      migrated_ += static_cast<GlobalIndex>(particles.size());
-      Communicator::Bytes& bytes = outgoing[owner];
-      const GlobalIndex header[2] = {static_cast<GlobalIndex>(b), static_cast<GlobalIndex>(particles.size())};
-      const char* raw = reinterpret_cast<const char*>(header);
-      bytes.insert(bytes.end(), raw, raw + sizeof(header));
-      body.particles.pack(particles, bytes);
-    }
+    grown += std::max<GlobalIndex>(arrivals[b] - leaving[b].count(), 0);
+    held += bodies[b].particles.size();
   }
-  for (const auto& [source, bytes] : communicator_.exchange(outgoing)) {
-    for (std::size_t at = 0; at < bytes.size();) {
-      GlobalIndex header[2];
-      std::memcpy(header, &bytes[at], sizeof(header));
-      at += sizeof(header);
-      FieldSet& particles = bodies[header[0]].particles;
-      const Index first = particles.size(), count = static_cast<Index>(header[1]);
-      particles.resize(first + count);
-      particles.unpack(&bytes[at], first, count);
-      if (!keep_[header[0]].empty()) keep_[header[0]].resize(first + count, 1);
-      at += static_cast<std::size_t>(count) * particles.bytes_per_particle();
+  const bool several = communicator_.any(bodies.size() > 1 && grown > held / 8);
+  const int stages = several ? 8 : 1;
+  for (int stage = 0; stage < stages; ++stage) {
+    if (stage > 0) leaving = find_leaving(bodies);
+    if (several) {
+      for (Leaving& l : leaving)
+        for (auto& [owner, particles] : l.particles)
+          particles.resize(particles.size() / static_cast<std::size_t>(stages - stage));
+      arrivals = count_arrivals(communicator_, leaving);
+    }
+    send_and_receive(bodies, leaving, arrivals);
+    if (several)
+      for (Body<Dim>& body : bodies) close_gaps(body);
+  }
+}
+
+template <int Dim>
+void Distribution<Dim>::send_and_receive(std::vector<Body<Dim>>& bodies, std::vector<Leaving>& leaving,
+                                         const std::vector<GlobalIndex>& arrivals) {
+  GlobalIndex held = 0, gone = 0, come = 0;
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const GlobalIndex going = leaving[b].count(), free = static_cast<GlobalIndex>(leaving[b].free.size());
+    held += bodies[b].particles.size() - free;
+    gone += going;
+    come += arrivals[b];
+    // Once, since growing moves every column.
+    if (arrivals[b] > going + free) add_places(bodies[b], leaving[b].free, static_cast<Index>(arrivals[b] - going - free));
+  }
+  migrated_ += gone;
+
+  // A round takes the same part of every list, so that no rank gets much at once: about a thirty-second of what it holds.
+  const GlobalIndex at_once = std::max<GlobalIndex>(std::max(held, held - gone + come) / 32, 1 << 12);
+  const GlobalIndex rounds = communicator_.max((std::max(gone, come) + at_once - 1) / at_once);
+  for (GlobalIndex round = 0; round < rounds; ++round) {
+    std::map<int, Communicator::Bytes> outgoing;
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+      GlobalIndex* ids = bodies[b].particles.template data<GlobalIndex>(core::id);
+      for (const auto& [owner, particles] : leaving[b].particles) {
+        const std::size_t begin = particles.size() * round / rounds, end = particles.size() * (round + 1) / rounds;
+        if (begin == end) continue;
+        const std::span<const Index> part(particles.data() + begin, end - begin);
+        Communicator::Bytes& bytes = outgoing[owner];
+        const GlobalIndex header[2] = {static_cast<GlobalIndex>(b), static_cast<GlobalIndex>(part.size())};
+        const char* raw = reinterpret_cast<const char*>(header);
+        bytes.insert(bytes.end(), raw, raw + sizeof(header));
+        bodies[b].particles.pack(part, bytes);
+        for (Index p : part) ids[p] = padding_id;
+        leaving[b].free.insert(leaving[b].free.end(), part.begin(), part.end());
+      }
+    }
+    for (const auto& [source, bytes] : communicator_.exchange(outgoing)) {
+      for (std::size_t at = 0; at < bytes.size();) {
+        GlobalIndex header[2];
+        std::memcpy(header, &bytes[at], sizeof(header));
+        at += sizeof(header);
+        Body<Dim>& body = bodies[header[0]];
+        const std::vector<Index> places = take_places(body, leaving[header[0]].free, static_cast<Index>(header[1]));
+        body.particles.unpack(&bytes[at], places);
+        at += places.size() * static_cast<std::size_t>(body.particles.bytes_per_particle());
+      }
     }
   }
 }
@@ -127,7 +234,6 @@ void Distribution<Dim>::migrate(std::vector<Body<Dim>>& bodies) {
 template <int Dim>
 void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within,
                                      Real seconds) {
-  keep_.resize(bodies.size());
   apply_leave_policy(bodies);
   if (decomposition_.empty()) decomposition_.partition(communicator_, weights(bodies, 1), 0);
   migrate(bodies);
@@ -152,10 +258,8 @@ void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields&
   std::vector<std::vector<BlockKey>> keys;
   std::vector<BlockKey> occupied;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    keys.push_back(order_particles(bodies[b], grid_, options_.kernel_shift, padding_width(options_.precision), keep_[b],
-                                   within));
+    keys.push_back(order_particles(bodies[b], grid_, options_.kernel_shift, padding_width(options_.precision), within));
     occupied.insert(occupied.end(), keys.back().begin(), keys.back().end());
-    keep_[b].clear();
   }
   std::sort(occupied.begin(), occupied.end());
   occupied.erase(std::unique(occupied.begin(), occupied.end()), occupied.end());

@@ -322,11 +322,16 @@ GlobalIndex Halo<Dim>::shared_nodes() const {
 }
 
 template <int Dim>
-std::size_t Halo<Dim>::allocated_bytes() const {
+std::size_t Halo<Dim>::list_bytes() const {
   std::size_t bytes = 0;
-  for (const Peer& peer : peers_)
-    bytes += peer.send.capacity() + peer.receive.capacity() +
-             (peer.ghosts.capacity() + peer.shared.capacity()) * sizeof(Entry);
+  for (const Peer& peer : peers_) bytes += (peer.ghosts.capacity() + peer.shared.capacity()) * sizeof(Entry);
+  return bytes;
+}
+
+template <int Dim>
+std::size_t Halo<Dim>::buffer_bytes() const {
+  std::size_t bytes = 0;
+  for (const Peer& peer : peers_) bytes += peer.send.capacity() + peer.receive.capacity();
   return bytes;
 }
 

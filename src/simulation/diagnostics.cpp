@@ -135,8 +135,7 @@ Real jacobian(const DeformationColumns<Dim, T>& columns, Index p) {
   return determinant(F);
 }
 
-}  // namespace
-
+// The value of particle p goes to out[p - begin].
 template <int Dim>
 void frame_jacobian(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out) {
   with_precision(state.precision, [&](auto zero) {
@@ -172,11 +171,20 @@ void frame_von_mises(const State<Dim>& state, std::size_t body, Index begin, Ind
   });
 }
 
+}  // namespace
+
+template <int Dim>
+std::vector<DerivedField> derived_fields(const State<Dim>& state) {
+  return {{"jacobian", 1,
+           [&state](std::size_t b, Index begin, Index end, Real* out) { frame_jacobian(state, b, begin, end, out); }},
+          {"von_mises", 1,
+           [&state](std::size_t b, Index begin, Index end, Real* out) { frame_von_mises(state, b, begin, end, out); }}};
+}
+
 #define MPM_INSTANTIATE(Dim)                                                                                        \
   template GlobalIndex count_particles<Dim>(const State<Dim>&);                                                     \
   template std::vector<HistoryValue> history_row<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
-  template void frame_jacobian<Dim>(const State<Dim>&, std::size_t, Index, Index, Real*);                           \
-  template void frame_von_mises<Dim>(const State<Dim>&, std::size_t, Index, Index, Real*);
+  template std::vector<DerivedField> derived_fields<Dim>(const State<Dim>&);
 MPM_INSTANTIATE(2)
 MPM_INSTANTIATE(3)
 #undef MPM_INSTANTIATE

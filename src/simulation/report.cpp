@@ -1,7 +1,5 @@
 #include "mpm_hpc/simulation/report.hpp"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <cstring>
 
@@ -18,15 +16,27 @@ std::string text_hash(const std::string& text) {
 }
 
 template <int Dim>
-MemoryUse memory_use(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects) {
-  MemoryUse use;
-  for (const auto& body : state.bodies)
-    use.particles += body.particles.allocated_bytes() + body.ranges.capacity() * sizeof(BlockRange) +
-                     (body.boundary.capacity() + body.interior.capacity()) * sizeof(int);
-  use.grid = state.fields.allocated_bytes();
-  use.blocks_and_halo = state.distribution.allocated_bytes();
-  for (const auto& effect : effects) use.effects += effect->allocated_bytes();
-  return use;
+MemoryAccount memory_account(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects) {
+  MemoryAccount account;
+  for (const Body<Dim>& body : state.bodies) {
+    const FieldSet& particles = body.particles;
+    const std::string folder = "particles/" + body.name + "/";
+    for (FieldId f = 0; f < particles.count(); ++f)
+      account.emplace_back(folder + particles.traits(f).name, particles.allocated_bytes(f));
+    account.emplace_back(folder + "room for sorting", particles.spare_bytes());
+    account.emplace_back(folder + "ranges",
+                         capacity_bytes(body.ranges) + capacity_bytes(body.boundary) + capacity_bytes(body.interior));
+  }
+  for (FieldId f = 0; f < state.fields.count(); ++f)
+    account.emplace_back("grid/" + state.fields.traits(f).name, state.fields.allocated_bytes(f));
+  const Distribution<Dim>& distribution = state.distribution;
+  account.emplace_back("blocks/keys and neighbours", distribution.topology().allocated_bytes());
+  account.emplace_back("blocks/owners", distribution.decomposition().allocated_bytes());
+  account.emplace_back("halo/lists", distribution.halo().list_bytes() + distribution.row_halo().list_bytes());
+  account.emplace_back("halo/messages", distribution.halo().buffer_bytes() + distribution.row_halo().buffer_bytes());
+  for (const auto& effect : effects)
+    for (const auto& item : effect->memory()) account.push_back(item);
+  return account;
 }
 
 template <int Dim>
@@ -59,24 +69,68 @@ std::vector<Spread> over_ranks(const Communicator& communicator, const std::vect
   return result;
 }
 
-std::vector<std::int64_t> gather_peak_rss(const Communicator& communicator) {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const std::int64_t mine = usage.ru_maxrss * 1024;
-  Communicator::Bytes bytes(sizeof(mine));
-  std::memcpy(bytes.data(), &mine, sizeof(mine));
+std::vector<std::int64_t> gather_bytes(const Communicator& communicator, std::size_t mine) {
+  const auto value = static_cast<std::int64_t>(mine);
+  Communicator::Bytes bytes(sizeof(value));
+  std::memcpy(bytes.data(), &value, sizeof(value));
   std::vector<std::int64_t> all;
   for (const auto& part : communicator.gather(bytes)) {
     all.emplace_back();
-    std::memcpy(&all.back(), part.data(), sizeof(mine));
+    std::memcpy(&all.back(), part.data(), sizeof(value));
   }
   return all;
+}
+
+// The account summed over the ranks.
+std::vector<std::pair<std::string, GlobalIndex>> sum_account(const Communicator& communicator,
+                                                             const MemoryAccount& account) {
+  std::vector<Real> bytes;
+  for (const auto& item : account) bytes.push_back(static_cast<Real>(item.second));
+  communicator.sum(bytes);
+  std::vector<std::pair<std::string, GlobalIndex>> sums;
+  for (std::size_t i = 0; i < account.size(); ++i)
+    sums.emplace_back(account[i].first, static_cast<GlobalIndex>(bytes[i]));
+  return sums;
+}
+
+void report_memory(const Communicator& communicator, const MemoryAccount& account, std::size_t largest_account,
+                   MemoryWatch& watch, MemoryReport& report) {
+  report.account = sum_account(communicator, account);
+  largest_account = std::max(largest_account, total_bytes(account));
+  report.before_bytes = gather_bytes(communicator, watch.before());
+  report.steady_bytes = gather_bytes(communicator, largest_account);
+  report.has_phases = !communicator.any(!watch.has_phases());
+  const std::map<std::string, std::size_t> peaks = watch.peaks();
+  std::size_t highest = 0;
+  std::vector<Real> most;
+  for (const auto& [phase, peak] : peaks) {
+    highest = std::max(highest, peak);
+    most.push_back(static_cast<Real>(peak));
+    most.push_back(static_cast<Real>(peak) / static_cast<Real>(std::max<std::size_t>(watch.before() + largest_account, 1)));
+  }
+  report.peak_bytes = gather_bytes(communicator, highest);
+  communicator.max(most);
+  std::size_t next = 0;
+  for (const auto& [phase, peak] : peaks) {
+    report.phases.push_back({phase, static_cast<GlobalIndex>(most[next]), most[next + 1]});
+    report.peak_over_steady = std::max(report.peak_over_steady, most[next + 1]);
+    next += 2;
+  }
+}
+
+// Time is that of a stage.
+void report_traffic(const Communicator& communicator, Timers& timers, const char* stage, FileTraffic traffic,
+                    std::vector<std::pair<std::string, FileTraffic>>& all, const char* name) {
+  if (traffic.files == 0) return;
+  traffic.seconds = communicator.max(timers.seconds()[timers.stage(stage)]);
+  all.emplace_back(name, traffic);
 }
 
 }  // namespace
 
 template <int Dim>
-RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::string& scene_hash) {
+RunReport make_report(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects,
+                      const RunTotals& totals, const std::string& scene_hash) {
   const Communicator& communicator = state.communicator();
   RunReport report;
   report.version = version();
@@ -95,7 +149,10 @@ RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::str
         static_cast<Real>(totals.particle_steps) / step_seconds / communicator.size();
   report.rebalances = state.distribution.rebalances();
   if (report.particles > 0) report.bytes_per_particle = totals.peak_bytes / static_cast<Real>(report.particles);
-  report.peak_rss_bytes = gather_peak_rss(communicator);
+  report_memory(communicator, memory_account(state, effects), totals.largest_account, state.memory, report.memory);
+  report_traffic(communicator, state.timers, "output", totals.frames, report.files, "frames");
+  report_traffic(communicator, state.timers, "checkpoint", totals.checkpoints, report.files, "checkpoints");
+  report_traffic(communicator, state.timers, "restart", totals.restart, report.files, "restart");
 
   const std::vector<Spread> stages = over_ranks(communicator, state.timers.seconds());
   for (std::size_t i = 0; i < stages.size(); ++i)
@@ -126,6 +183,14 @@ RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::str
   return report;
 }
 
+namespace {
+
+Real largest_mb(const std::vector<std::int64_t>& bytes) {
+  return bytes.empty() ? 0 : static_cast<Real>(*std::max_element(bytes.begin(), bytes.end())) / 1e6;
+}
+
+}  // namespace
+
 std::string closing_table(const RunReport& report) {
   std::string text = fmt::format("\n{:<20}{:>10}{:>10}{:>10}{:>9}\n", "stage [s]", "min", "mean", "max", "share");
   for (const auto& [name, time] : report.stages)
@@ -137,6 +202,16 @@ std::string closing_table(const RunReport& report) {
       report.steps, report.particles, report.ranks, report.wall_seconds,
       report.particle_steps_per_second_per_core / 1e6, report.bytes_per_particle, report.messages_per_step,
       report.bytes_per_step / 1e3, report.halo_messages_per_step, report.halo_bytes_per_step / 1e3, report.imbalance);
+  for (const auto& [name, traffic] : report.files)
+    text += fmt::format("{}: {} file{}, {:.4g} MB in {:.3g} s, {:.3g} GB/s\n", name, traffic.files,
+                        traffic.files == 1 ? "" : "s", static_cast<Real>(traffic.bytes) / 1e6, traffic.seconds,
+                        traffic.gb_per_second());
+  const MemoryReport& memory = report.memory;
+  text += fmt::format("memory of a rank: {:.4g} MB before the run, {:.4g} MB of arrays; peak {:.2f} times that", 
+                      largest_mb(memory.before_bytes), largest_mb(memory.steady_bytes), memory.peak_over_steady);
+  for (std::size_t i = 0; memory.has_phases && i < memory.phases.size(); ++i)
+    text += fmt::format("{}{} {:.2f}", i ? ", " : " (", memory.phases[i].name, memory.phases[i].over_steady);
+  text += memory.has_phases ? ")\n" : "\n";
   for (const auto& [name, count] : report.solver_iterations)
     text += fmt::format("solver {}: {} iterations, {:.2f} per step\n", name, count,
                         report.steps > 0 ? static_cast<Real>(count) / static_cast<Real>(report.steps) : 0.0);
@@ -179,24 +254,26 @@ std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<
   text += "\n";
   if (effects.empty()) text += "no effects\n";
   for (const auto& effect : effects) text += "effect " + effect->explain() + "\n";
-  const MemoryUse use = memory_use(state, effects);
-  std::vector<Real> bytes = {static_cast<Real>(use.particles), static_cast<Real>(use.grid),
-                             static_cast<Real>(use.blocks_and_halo), static_cast<Real>(use.effects)};
-  communicator.sum(bytes);
-  text += fmt::format(
-      "bytes per particle: particles {:.0f}, grid {:.0f}, blocks and halo {:.0f}, effects {:.0f} (solvers grow with the "
-      "first solve)\n",
-      bytes[0] / particles, bytes[1] / particles, bytes[2] / particles, bytes[3] / particles);
+  const auto account = sum_account(communicator, memory_account(state, effects));
+  GlobalIndex total = 0;
+  for (const auto& [holder, bytes] : account) total += bytes;
+  text += fmt::format("memory: {:.4g} MB over all ranks, {:.1f} bytes per particle (solvers grow with the first solve)\n",
+                      static_cast<Real>(total) / 1e6, static_cast<Real>(total) / particles);
+  for (const auto& [holder, bytes] : account)
+    if (bytes > 0)
+      text += fmt::format("  {:<40}{:>12.1f} kB{:>9.2f} per particle\n", holder, static_cast<Real>(bytes) / 1e3,
+                          static_cast<Real>(bytes) / particles);
   const std::vector<GlobalIndex> halo = {communicator.sum(state.halo().ghost_nodes()),
                                          communicator.sum(state.halo().shared_nodes())};
   text += fmt::format("halo: {} ghost nodes over all ranks, imbalance {:.3f}\n", halo[0], state.distribution.imbalance());
   return text;
 }
 
-#define MPM_INSTANTIATE(Dim)                                                                               \
-  template Traffic traffic<Dim>(const State<Dim>&);                                                        \
-  template MemoryUse memory_use<Dim>(const State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
-  template RunReport make_report<Dim>(State<Dim>&, const RunTotals&, const std::string&);                  \
+#define MPM_INSTANTIATE(Dim)                                                                                      \
+  template Traffic traffic<Dim>(const State<Dim>&);                                                               \
+  template MemoryAccount memory_account<Dim>(const State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&); \
+  template RunReport make_report<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&,               \
+                                      const RunTotals&, const std::string&);                                       \
   template std::string explain<Dim>(State<Dim>&, const std::vector<std::unique_ptr<Effect<Dim>>>&);
 MPM_INSTANTIATE(2)
 MPM_INSTANTIATE(3)

@@ -64,13 +64,14 @@ void Run<Dim>::refuse_unused_options(bool solvers_ran) {
 
 template <int Dim>
 void Run<Dim>::prepare() {
+  auto m = state_.memory.phase(options_.restart ? "restart" : "start-up");
   if (options_.restart) {
     restart();
   } else {
     create_particles(scene_, state_);
     integrator_->initialise(state_);
   }
-  FrameWriter<Dim>::check_fields(frame_options(), state_.bodies, derived_fields());
+  FrameWriter<Dim>::check_fields(frame_options(), state_.bodies, derived_fields(state_));
   particles_ = count_particles(state_);
   totals_.first_step = state_.step;
   const Real stable = integrator_->stable_step(state_);
@@ -85,8 +86,19 @@ void Run<Dim>::prepare() {
   measure_memory();
 }
 
+// Only rank 0 looks at the disk.
+template <int Dim>
+void Run<Dim>::count_file(FileTraffic& traffic, const std::filesystem::path& file) {
+  std::error_code ignored;
+  const std::uintmax_t bytes = communicator_.root() ? std::filesystem::file_size(file, ignored) : 0;
+  ++traffic.files;
+  if (!ignored) traffic.bytes += static_cast<GlobalIndex>(bytes);
+}
+
 template <int Dim>
 void Run<Dim>::restart() {
+  auto s = state_.timers.scope("restart");
+  count_file(totals_.restart, *options_.restart);
   const CheckpointState saved = read_checkpoint(communicator_, *options_.restart, state_.bodies, state_.precision);
   Decomposition<Dim>& decomposition = state_.distribution.decomposition();
   if (saved.ranks == communicator_.size() && static_cast<GlobalIndex>(saved.owners.size()) == decomposition.entries())
@@ -95,6 +107,7 @@ void Run<Dim>::restart() {
   state_.time = saved.time;
   state_.dt = saved.dt;
   restore_numbers(saved.numbers);
+  s.stop();
   sort_particles(state_, OrderWithinCell::canonical);
   require(state_.time < end_, "{}: the checkpoint {} is at t = {:.6g} s, at or past the end at {:.6g} s; raise time.end or "
           "give a later --until",
@@ -137,19 +150,9 @@ void Run<Dim>::restore_numbers(const std::map<std::string, std::vector<Real>>& n
 
 template <int Dim>
 void Run<Dim>::measure_memory() {
-  const Real bytes = communicator_.sum(static_cast<Real>(memory_use(state_, scene_.effects).total()));
-  totals_.peak_bytes = std::max(totals_.peak_bytes, bytes);
-}
-
-template <int Dim>
-std::vector<DerivedField> Run<Dim>::derived_fields() const {
-  return {{"jacobian", 1,
-           [this](std::size_t b, Index begin, Index end, Real* values) {
-             frame_jacobian(state_, b, begin, end, values);
-           }},
-          {"von_mises", 1, [this](std::size_t b, Index begin, Index end, Real* values) {
-             frame_von_mises(state_, b, begin, end, values);
-           }}};
+  const std::size_t mine = total_bytes(memory_account(state_, scene_.effects));
+  totals_.largest_account = std::max(totals_.largest_account, mine);
+  totals_.peak_bytes = std::max(totals_.peak_bytes, communicator_.sum(static_cast<Real>(mine)));
 }
 
 template <int Dim>
@@ -165,8 +168,10 @@ FrameOptions Run<Dim>::frame_options() const {
 template <int Dim>
 void Run<Dim>::write_frame() {
   auto s = state_.timers.scope("output");
+  auto m = state_.memory.phase("frame");
   if (!frames_) frames_ = std::make_unique<FrameWriter<Dim>>(communicator_, folder_, frame_options());
-  frames_->write(state_.step, state_.time, state_.bodies, derived_fields());
+  frames_->write(state_.step, state_.time, state_.bodies, derived_fields(state_));
+  count_file(totals_.frames, frames_->last());
   written_frame_ = state_.time;
 }
 
@@ -205,7 +210,9 @@ CheckpointState Run<Dim>::checkpoint_state() {
 template <int Dim>
 void Run<Dim>::save_checkpoint() {
   auto s = state_.timers.scope("checkpoint");
-  write_checkpoint(communicator_, folder_, checkpoint_state(), state_.bodies, state_.precision);
+  auto m = state_.memory.phase("checkpoint");
+  count_file(totals_.checkpoints,
+             write_checkpoint(communicator_, folder_, checkpoint_state(), state_.bodies, state_.precision));
   written_checkpoint_ = state_.time;
 }
 
@@ -217,7 +224,10 @@ void Run<Dim>::happen(bool last) {
       scene_.output.checkpoint && (last || checkpoint_.due(time, dt)) && written_checkpoint_ != time;
   // The particles take the order that a restart gives them, so that the run that goes on equals the one that restarts.
   // Sorting may delete particles that left the domain, so it comes before anything is counted or written.
-  if (checkpoint_due) sort_particles(state_, OrderWithinCell::canonical);
+  if (checkpoint_due) {
+    auto s = state_.timers.scope("sort and migrate");
+    sort_particles(state_, OrderWithinCell::canonical);
+  }
   if ((last || history_.due(time, dt)) && written_row_ != time) write_history();
   if (scene_.output.frames && (last || frame_.due(time, dt)) && written_frame_ != time) write_frame();
   if (checkpoint_due) save_checkpoint();
@@ -285,7 +295,7 @@ void Run<Dim>::loop() {
 
 template <int Dim>
 void Run<Dim>::finish(ExitCode code, const std::string& reason) {
-  RunReport report = make_report(state_, totals_, text_hash(scene_.text));
+  RunReport report = make_report(state_, scene_.effects, totals_, text_hash(scene_.text));
   report.exit_code = code;
   report.exit_reason = reason;
   write_run_json(communicator_, folder_ / "run.json", report);

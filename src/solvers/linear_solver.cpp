@@ -162,7 +162,7 @@ void LinearSolver::assemble(const SparseRows& rows) {
               "MatMPIAIJSetPreallocationCSR");
   petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
   petsc_check(KSPSetOperators(s.ksp, s.matrix, s.matrix), "KSPSetOperators");
-  s.matrix_bytes = rows.values.capacity() * (sizeof(Real) + sizeof(int)) + rows.starts.capacity() * sizeof(int);
+  s.matrix_bytes = rows.values.size() * (sizeof(Real) + sizeof(int)) + rows.starts.size() * sizeof(int);
 }
 
 void LinearSolver::set_operator(Apply apply, std::vector<Real> diagonal) {

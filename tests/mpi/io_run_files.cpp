@@ -93,7 +93,9 @@ TEST_F(IoRunFiles, RunJson) {
   report.particles = GlobalIndex{1} << 40;
   report.time = 0.1;
   report.imbalance = NAN;
-  report.peak_rss_bytes = {1, 2};
+  report.memory.peak_bytes = {1, 2};
+  report.memory.account = {{"grid/node", 64}};
+  report.files = {{"frames", {2, 3'000'000'000, 1.5}}};
   report.stages = {{"p2g", {1, 2, 3}}, {"g2p", {4, 5, 6}}};
   report.traffic_per_step = {{"halo_bytes", {7, 8, 9}}};
   report.solver_iterations = {{"krylov", 12}};
@@ -115,6 +117,8 @@ TEST_F(IoRunFiles, RunJson) {
                           "particle_steps_per_second_per_core",
                           "bytes_per_particle",
                           "peak_rss_bytes",
+                          "memory",
+                          "files",
                           "stages",
                           "messages_per_step",
                           "bytes_per_step",
@@ -129,6 +133,9 @@ TEST_F(IoRunFiles, RunJson) {
                           "exit"})
     EXPECT_TRUE(json.contains(key)) << key;
   EXPECT_EQ(json["particles"], GlobalIndex{1} << 40);
+  EXPECT_EQ(json["peak_rss_bytes"], nlohmann::json({1, 2}));
+  EXPECT_EQ(json["memory"]["account"]["grid/node"], 64);
+  EXPECT_EQ(json["files"]["frames"]["gb_per_second"], 2);
   EXPECT_EQ(json["precision"], "single");
   EXPECT_EQ(json["time"], 0.1);
   EXPECT_TRUE(json["imbalance"].is_null());

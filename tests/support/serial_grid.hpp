@@ -16,7 +16,7 @@ namespace mpm::test {
 // Sorts the body and activates every block around its particles.
 template <int Dim>
 BlockTopology<Dim> order_and_activate(Body<Dim>& body, const GridGeometry<Dim>& geometry, Precision precision) {
-  const auto occupied = order_particles(body, geometry, QuadraticKernel::shift, padding_width(precision), {},
+  const auto occupied = order_particles(body, geometry, QuadraticKernel::shift, padding_width(precision),
                                         OrderWithinCell::stable);
   std::vector<BlockKey> active;
   for (BlockKey key : occupied)

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "mpm_hpc/base/memory.hpp"
 #include "mpm_hpc/effects/state.hpp"
 
 namespace mpm {
@@ -56,8 +57,8 @@ class Effect {
   // Numbers that a checkpoint must carry beside particle columns and the ledger.
   virtual void save(std::map<std::string, std::vector<Real>>&) const {}
   virtual void restore(const std::map<std::string, std::vector<Real>>&) {}
-  // Largest number of its own per-rank bytes outside the field sets.
-  virtual std::size_t allocated_bytes() const { return 0; }
+  // Its own arrays on this rank outside the field sets; the same names on every rank.
+  virtual MemoryAccount memory() const { return {}; }
 };
 
 }  // namespace mpm

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "mpm_hpc/base/memory.hpp"
 #include "mpm_hpc/base/timer.hpp"
 #include "mpm_hpc/fields/grid_fields.hpp"
 #include "mpm_hpc/materials/material_update.hpp"
@@ -68,6 +69,7 @@ struct State {
   std::map<std::string, SolverWork> solvers;          // by name, since the start of the run
   Real busy = 0;  // compute time since the last sort [s], for weights by time
   Timers timers;
+  MemoryWatch memory;
 
   const Communicator& communicator() const { return distribution.communicator(); }
   const GridGeometry<Dim>& geometry() const { return distribution.grid(); }

@@ -13,7 +13,9 @@
 namespace mpm {
 
 // Streams whose bases differ by a multiple of 4096 B compete for one L1 set; stagger_lines moves the base of each
-// buffer by its own number of cache lines inside the page. Contents are lost when the buffer is reallocated.
+// buffer by its own number of cache lines inside the page. Contents are lost when the buffer is reallocated. It takes a
+// little more than it was asked for, so that it needn't move whenever a few particles arrive, and gives back what is
+// far too much.
 class AlignedBuffer {
  public:
   static constexpr std::size_t line = 64, page = 4096;
@@ -28,14 +30,13 @@ class AlignedBuffer {
   ~AlignedBuffer() { std::free(raw_); }
 
   void allocate(std::size_t bytes, int stagger_lines) {
-    const std::size_t total = (bytes + page + page - 1) / page * page;
-    if (total > allocated_) {
-      std::free(raw_);
+    const std::size_t needed = whole_pages(bytes);
+    if (needed > allocated_ || needed + needed / 8 + 16 * page < allocated_) {
+      std::free(std::exchange(raw_, nullptr));
+      allocated_ = 0;
+      const std::size_t total = whole_pages(bytes + bytes / slack_part);
       raw_ = std::aligned_alloc(page, total);
-      if (!raw_) {
-        allocated_ = 0;
-        throw std::bad_alloc();
-      }
+      if (!raw_) throw std::bad_alloc();
       allocated_ = total;
     }
     data_ = static_cast<char*>(raw_) + (static_cast<std::size_t>(stagger_lines) * line) % page;
@@ -62,6 +63,10 @@ class AlignedBuffer {
   std::size_t allocated() const { return allocated_; }
 
  private:
+  static constexpr std::size_t slack_part = 64;
+  // With a page for the stagger.
+  static constexpr std::size_t whole_pages(std::size_t bytes) { return (bytes + page + page - 1) / page * page; }
+
   void* raw_ = nullptr;
   void* data_ = nullptr;
   std::size_t allocated_ = 0;

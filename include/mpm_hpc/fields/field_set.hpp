@@ -2,6 +2,8 @@
 // effect that adds a column needs no change anywhere else.
 #pragma once
 
+#include <array>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -59,16 +61,17 @@ class FieldSet {
   }
   void* raw(FieldId f, int component) const { return columns_[f].components[component].data(); }
 
-  // Component-by-component new[i] = old[source[i]]; needs one spare component buffer only.
+  // Component-by-component new[i] = old[source[i]]; needs one spare component buffer of each width only.
   void gather(const std::vector<Index>& source);
 
   // Bytes one particle takes in a message or file.
   int bytes_per_particle() const;
-  std::size_t allocated_bytes() const;
+  std::size_t allocated_bytes(FieldId f) const;
+  std::size_t spare_bytes() const { return spare_[0].allocated() + spare_[1].allocated(); }
 
-  // Appends bytes of the given particles to out, particle by particle; the inverse writes from position on.
-  void pack(const std::vector<Index>& particles, std::vector<char>& out) const;
-  void unpack(const char* in, Index first, Index count);
+  // Appends bytes of the given particles to out, particle by particle; the inverse makes them the given ones.
+  void pack(std::span<const Index> particles, std::vector<char>& out) const;
+  void unpack(const char* in, std::span<const Index> particles);
 
  private:
   struct Column {
@@ -78,7 +81,8 @@ class FieldSet {
   };
   static constexpr int stagger_step = 5;  // odd, so that all 64 lines of a page are used in turn
   std::vector<Column> columns_;
-  AlignedBuffer spare_;
+  // One per width: a wide buffer that became a narrow column's would stay there, half of it unused.
+  std::array<AlignedBuffer, 2> spare_;
   Index size_ = 0;
   int component_count_ = 0;
 };

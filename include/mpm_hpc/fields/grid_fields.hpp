@@ -50,11 +50,7 @@ class GridFields {
   T* data(FieldId f) const {
     return static_cast<T*>(fields_[f].buffer.data());
   }
-  std::size_t allocated_bytes() const {
-    std::size_t total = 0;
-    for (const auto& field : fields_) total += field.buffer.allocated();
-    return total;
-  }
+  std::size_t allocated_bytes(FieldId f) const { return fields_[f].buffer.allocated(); }
 
  private:
   struct Field {

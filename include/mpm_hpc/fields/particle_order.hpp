@@ -23,11 +23,10 @@ enum class OrderWithinCell {
   canonical  // by identity, so that the order doesn't depend on the history
 };
 
-// Drops padding and the particles with keep[p] == 0 (an empty keep keeps all), sorts the rest by (block key, cell) and
-// pads each block with massless copies of its last particle. Fills body.ranges with slot = position in the returned
-// list of occupied keys, which is sorted.
+// Drops padding, sorts the rest by (block key, cell) and pads each block with massless copies of its last particle.
+// Fills body.ranges with slot = position in the returned list of occupied keys, which is sorted.
 template <int Dim>
 std::vector<BlockKey> order_particles(Body<Dim>& body, const GridGeometry<Dim>& grid, Real shift, int pad,
-                                      const std::vector<char>& keep, OrderWithinCell within);
+                                      OrderWithinCell within);
 
 }  // namespace mpm

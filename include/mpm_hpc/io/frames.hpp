@@ -48,6 +48,7 @@ class FrameWriter {
              const std::vector<DerivedField>& derived = {});
 
   int count() const { return static_cast<int>(frames_.size()); }
+  std::filesystem::path last() const { return folder_ / frames_.back().name; }  // the file written last
 
  private:
   std::string next_name() const;

@@ -18,6 +18,28 @@ struct Spread {
   Real min = 0, mean = 0, max = 0;
 };
 
+// Files of one kind that a run wrote or read.
+struct FileTraffic {
+  GlobalIndex files = 0, bytes = 0;
+  Real seconds = 0;  // of the slowest rank, with making the data
+  Real gb_per_second() const { return seconds > 0 ? 1e-9 * static_cast<Real>(bytes) / seconds : 0; }
+};
+
+// What a run took memory for. Peaks are of a process's resident memory, libraries included; steady is what it had before
+// the run and every array at its largest.
+struct MemoryReport {
+  struct Phase {
+    std::string name;
+    GlobalIndex peak_bytes = 0;  // of the rank with the most
+    Real over_steady = 0;        // of the rank with the highest
+  };
+  std::vector<std::pair<std::string, GlobalIndex>> account;             // over all ranks, by holder, at the end
+  std::vector<std::int64_t> before_bytes, steady_bytes, peak_bytes;     // of each rank: before, all arrays, peak
+  bool has_phases = false;                                              // else `phases` share one peak
+  std::vector<Phase> phases;
+  Real peak_over_steady = 0;
+};
+
 struct RunReport {
   std::string version;
   std::string scene_hash;
@@ -31,7 +53,8 @@ struct RunReport {
   Real wall_seconds = 0;
   Real particle_steps_per_second_per_core = 0;
   Real bytes_per_particle = 0;               // every array at its peak, over all ranks
-  std::vector<std::int64_t> peak_rss_bytes;  // of each rank
+  MemoryReport memory;
+  std::vector<std::pair<std::string, FileTraffic>> files;  // by kind
   std::vector<std::pair<std::string, Spread>> stages;            // [s]
   // Of all ranks, in the steps alone: all that is sent point to point, and the halo's share.
   Real messages_per_step = 0, bytes_per_step = 0;

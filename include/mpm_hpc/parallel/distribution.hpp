@@ -1,6 +1,7 @@
 // Brings particles to their owners, sorts them, and rebuilds blocks and halo; re-balances when that pays.
 #pragma once
 
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -40,6 +41,7 @@ class Distribution {
   const Communicator& communicator() const { return communicator_; }
   const GridGeometry<Dim>& grid() const { return grid_; }
   Decomposition<Dim>& decomposition() { return decomposition_; }
+  const Decomposition<Dim>& decomposition() const { return decomposition_; }
   const BlockTopology<Dim>& topology() const { return topology_; }
   Halo<Dim>& halo() { return halo_; }
   const Halo<Dim>& halo() const { return halo_; }
@@ -58,15 +60,26 @@ class Distribution {
   GlobalIndex migrated() const { return migrated_; }
   int sorts() const { return sorts_; }
   int rebalances() const { return rebalances_; }
-  std::size_t allocated_bytes() const {
-    return decomposition_.allocated_bytes() + topology_.allocated_bytes() + halo_.allocated_bytes() +
-           row_halo_.allocated_bytes();
-  }
 
  private:
   typename Decomposition<Dim>::Weights weights(const std::vector<Body<Dim>>& bodies, Real factor) const;
   void apply_leave_policy(std::vector<Body<Dim>>& bodies);
+  // Places in a body's columns: those of the particles that go away, by their new owner, and those that are free.
+  struct Leaving {
+    std::map<int, std::vector<Index>> particles;
+    std::vector<Index> free;
+    GlobalIndex count() const {
+      GlobalIndex sum = 0;
+      for (const auto& [owner, list] : particles) sum += static_cast<GlobalIndex>(list.size());
+      return sum;
+    }
+  };
+  std::vector<Leaving> find_leaving(const std::vector<Body<Dim>>& bodies) const;
+  // Sends particles to their owners, so that few of them exist twice at a time.
   void migrate(std::vector<Body<Dim>>& bodies);
+  // All that leave, in rounds; `arrivals` by body.
+  void send_and_receive(std::vector<Body<Dim>>& bodies, std::vector<Leaving>& leaving,
+                        const std::vector<GlobalIndex>& arrivals);
   IntVec<Dim> block_of(const Body<Dim>& body, Index p) const;
 
   Communicator communicator_;
@@ -76,7 +89,6 @@ class Distribution {
   BlockTopology<Dim> topology_;
   Halo<Dim> halo_, row_halo_;
   bool needs_row_halo_ = false;
-  std::vector<std::vector<char>> keep_;  // per body: 0 for particles that went away since the last sort
   Real imbalance_ = 1;
   GlobalIndex removed_ = 0, kept_ = 0, migrated_ = 0;
   int sorts_ = 0, rebalances_ = 0;

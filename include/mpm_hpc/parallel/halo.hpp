@@ -71,7 +71,8 @@ class Halo {
   // Node values that this rank sends in one sum (ghost nodes) and one fill (owned nodes), per component.
   GlobalIndex ghost_nodes() const;
   GlobalIndex shared_nodes() const;
-  std::size_t allocated_bytes() const;
+  std::size_t list_bytes() const;    // who shares which nodes
+  std::size_t buffer_bytes() const;  // of messages
 
   Halo();
   Halo(Halo&&) noexcept;

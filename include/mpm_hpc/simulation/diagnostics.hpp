@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm_hpc/effects/effect.hpp"
+#include "mpm_hpc/io/frames.hpp"
 
 namespace mpm {
 
@@ -14,11 +15,9 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
 template <int Dim>
 GlobalIndex count_particles(const State<Dim>& state);
 
-// Fields of frames that are no columns: det F and the von Mises equivalent of the Cauchy stress [Pa].
-// The value of particle p goes to out[p - begin].
+// Fields of frames that are no columns: det F and the von Mises equivalent of the Cauchy stress [Pa]. They refer to the
+// state.
 template <int Dim>
-void frame_jacobian(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out);
-template <int Dim>
-void frame_von_mises(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out);
+std::vector<DerivedField> derived_fields(const State<Dim>& state);
 
 }  // namespace mpm

@@ -10,14 +10,10 @@
 
 namespace mpm {
 
-// Bytes of every array of the simulation on this rank, by what holds them.
-struct MemoryUse {
-  std::size_t particles = 0, grid = 0, blocks_and_halo = 0, effects = 0;
-  std::size_t total() const { return particles + grid + blocks_and_halo + effects; }
-};
-
+// Every array that lives between two steps on this rank: particles/BODY/COLUMN, grid/FIELD, blocks/..., halo/..., and
+// those of the effects. The same holders on every rank.
 template <int Dim>
-MemoryUse memory_use(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects);
+MemoryAccount memory_account(const State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects);
 
 // What this rank has sent, waited for and done since the start.
 inline constexpr std::array traffic_names = {"halo_messages",     "halo_bytes", "halo_wait_seconds",
@@ -34,13 +30,16 @@ struct RunTotals {
   GlobalIndex particle_steps = 0;  // of all ranks
   Real loop_seconds = 0;           // in the step loop, output included
   Real step_seconds = 0;           // in the steps alone
-  Real peak_bytes = 0;             // of all ranks
+  Real peak_bytes = 0;             // of all arrays of all ranks
+  std::size_t largest_account = 0;  // of all arrays of this rank
+  FileTraffic frames, checkpoints, restart;
   Traffic step_traffic{};          // in the steps alone
 };
 
 // Collective.
 template <int Dim>
-RunReport make_report(State<Dim>& state, const RunTotals& totals, const std::string& scene_hash);
+RunReport make_report(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects,
+                      const RunTotals& totals, const std::string& scene_hash);
 
 // The closing table for the terminal.
 std::string closing_table(const RunReport& report);

@@ -45,7 +45,6 @@ class Run {
   Real choose_step();
   void loop();
   void happen(bool last);
-  std::vector<DerivedField> derived_fields() const;
   FrameOptions frame_options() const;
   void write_frame();
   void write_history();
@@ -56,6 +55,7 @@ class Run {
   std::map<std::string, std::vector<Real>> state_numbers();
   void restore_numbers(const std::map<std::string, std::vector<Real>>& numbers);
   void measure_memory();
+  void count_file(FileTraffic& traffic, const std::filesystem::path& file);
 
   Communicator communicator_;
   Scene<Dim> scene_;

@@ -280,11 +280,14 @@ void PhaseSystem<Dim>::project_phase(State<Dim>& state) {
 }
 
 template <int Dim>
-std::size_t PhaseSystem<Dim>::allocated_bytes() const {
-  return solver_.allocated_bytes() + entries_.allocated() + touched_.capacity() +
-         (inner_.capacity() + edge_.capacity()) * sizeof(Slot) + last_solution_.capacity() * sizeof(Real) + rows_.capacity() * sizeof(std::size_t) +
-         (mass_.capacity() + rhs_.capacity() + solution_.capacity() + start_.capacity()) * sizeof(Real) +
-         matrix_.values.capacity() * sizeof(Real) + (matrix_.columns.capacity() + matrix_.starts.capacity()) * sizeof(int);
+MemoryAccount PhaseSystem<Dim>::memory() const {
+  return {{"phase_field/stencil", entries_.allocated() + capacity_bytes(touched_) + capacity_bytes(inner_) +
+                                      capacity_bytes(edge_)},
+          {"phase_field/rows", capacity_bytes(rows_) + capacity_bytes(mass_) + capacity_bytes(rhs_) +
+                                   capacity_bytes(solution_) + capacity_bytes(start_) + capacity_bytes(last_solution_)},
+          {"phase_field/matrix rows",
+           capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts)},
+          {"phase_field/PETSc", solver_.allocated_bytes()}};
 }
 
 #define MPM_INSTANTIATE(Dim)                                                                                      \

@@ -26,7 +26,11 @@ class PhaseField final : public Effect<Dim> {
   void history(State<Dim>& state, std::vector<HistoryValue>& row) override;
   void save(std::map<std::string, std::vector<Real>>& numbers) const override;
   void restore(const std::map<std::string, std::vector<Real>>& numbers) override;
-  std::size_t allocated_bytes() const override { return system_ ? system_->allocated_bytes() + active_.allocated_bytes() : 0; }
+  MemoryAccount memory() const override {
+    MemoryAccount account = system_ ? system_->memory() : MemoryAccount();
+    account.emplace_back("phase_field/active set", active_.allocated_bytes());
+    return account;
+  }
 
  private:
   // What the effect knows of a body that can fracture.

@@ -59,7 +59,7 @@ class PhaseSystem {
   // Leaves c^n = sum w c / sum w of values() in result(), with the ghosts filled. Collective.
   void project_phase(State<Dim>& state);
 
-  std::size_t allocated_bytes() const;
+  MemoryAccount memory() const;  // without the grid fields
   GlobalIndex unknowns() const { return solver_.global_rows(); }  // of all ranks, last solve
 
  private:
