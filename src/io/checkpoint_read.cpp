@@ -18,7 +18,8 @@ namespace mpm {
 
 namespace {
 
-constexpr std::uint64_t rows_per_read = 1 << 16;
+// Few enough that a piece is put into its components while it is in the cache.
+constexpr std::uint64_t rows_per_read = 1 << 13;
 
 struct Rows {
   std::uint64_t begin, end;
@@ -131,13 +132,13 @@ std::vector<std::size_t> matching_bodies(const std::filesystem::path& file, cons
 }
 
 // Rows of a file into the components of a column.
+template <class Word>
 void put_rows(const FieldSet& set, FieldId field, Index first, std::uint64_t count, const char* rows) {
-  const int components = set.traits(field).components, width = bytes_of(set.traits(field).type);
-  for (int c = 0; c < components; ++c) {
-    char* out = static_cast<char*>(set.raw(field, c)) + static_cast<std::size_t>(first) * width;
-    const char* in = rows + c * width;
-    for (std::uint64_t i = 0; i < count; ++i, in += components * width, out += width)
-      std::memcpy(out, in, width);
+  const std::uint64_t components = set.traits(field).components;
+  for (std::uint64_t c = 0; c < components; ++c) {
+    Word* out = static_cast<Word*>(set.raw(field, static_cast<int>(c))) + first;
+    const char* in = rows + c * sizeof(Word);
+    for (std::uint64_t i = 0; i < count; ++i) std::memcpy(&out[i], in + i * components * sizeof(Word), sizeof(Word));
   }
 }
 
@@ -164,7 +165,8 @@ CheckpointState read_checkpoint(const Communicator& communicator, const std::fil
                [&](std::size_t b, const CheckpointColumn& column, std::uint64_t first, std::uint64_t count,
                    const char* rows) {
                  const FieldSet& set = bodies[matches[b]].particles;
-                 put_rows(set, set.find(column.name), static_cast<Index>(first), count, rows);
+                 const auto put = bytes_of(column.type) == 4 ? put_rows<std::uint32_t> : put_rows<std::uint64_t>;
+                 put(set, set.find(column.name), static_cast<Index>(first), count, rows);
                });
   return header.state;
 }

@@ -15,7 +15,8 @@ namespace mpm {
 
 namespace {
 
-constexpr Index piece = 1 << 16;         // particles converted at a time, a multiple of every pack width
+// Particles converted at a time, whose rows stay in the cache; a multiple of every pack width.
+constexpr Index piece = 1 << 13;
 constexpr std::uint8_t vertex_cell = 1;  // VTK_VERTEX
 
 // This rank's rows in the frame.
