@@ -16,7 +16,7 @@ namespace mpm {
 namespace {
 
 // Particles converted at a time, whose rows stay in the cache; a multiple of every pack width.
-constexpr Index piece = 1 << 13;
+constexpr Index piece_size = 1 << 13;
 constexpr std::uint8_t vertex_cell = 1;  // VTK_VERTEX
 
 // This rank's rows in the frame.
@@ -39,29 +39,35 @@ Partition partition_of(const Communicator& communicator, const std::vector<Body<
   return partition;
 }
 
-// Calls visit(body, begin, end, particles) with the real particles of each piece; pieces without any are left
-// out.
-template <int Dim, class Visit>
-void for_each_piece(const std::vector<Body<Dim>>& bodies, Visit&& visit) {
+// Some particles [begin, end) of a body, and those of them that are no padding.
+struct Piece {
+  std::size_t body;
+  Index begin, end;
   std::vector<Index> particles;
+};
+
+// Pieces without real particles are left out.
+template <int Dim>
+std::vector<Piece> pieces_of(const std::vector<Body<Dim>>& bodies) {
+  std::vector<Piece> pieces;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const Index size = bodies[b].particles.size();
-    for (Index begin = 0; begin < size; begin += piece) {
-      const Index end = std::min(size - begin, piece) + begin;
-      particles.clear();
-      for (Index p = begin; p < end; ++p)
-        if (!bodies[b].is_padding(p)) particles.push_back(p);
-      if (!particles.empty()) visit(b, begin, end, particles);
+    for (Index begin = 0; begin < size; begin += piece_size) {
+      Piece piece{b, begin, std::min(size - begin, piece_size) + begin, {}};
+      piece.particles.reserve(static_cast<std::size_t>(piece.end - begin));
+      for (Index p = begin; p < piece.end; ++p)
+        if (!bodies[b].is_padding(p)) piece.particles.push_back(p);
+      if (!piece.particles.empty()) pieces.push_back(std::move(piece));
     }
   }
+  return pieces;
 }
 
 template <int Dim>
 void write_column(Hdf5Writer& writer, Hdf5Writer::Dataset dataset, const FrameColumn& column,
-                  const std::vector<Body<Dim>>& bodies, const Partition& partition) {
+                  const std::vector<Body<Dim>>& bodies, const std::vector<Piece>& pieces, std::int64_t row) {
   std::vector<char> rows;
-  std::int64_t row = partition.first;
-  for_each_piece(bodies, [&](std::size_t body, Index begin, Index end, const std::vector<Index>& particles) {
+  for (const auto& [body, begin, end, particles] : pieces) {
     try {
       fill_frame_rows(column, bodies, body, begin, end, particles, rows);
     } catch (...) {
@@ -69,7 +75,7 @@ void write_column(Hdf5Writer& writer, Hdf5Writer::Dataset dataset, const FrameCo
     }
     writer.write(dataset, row, particles.size(), rows.data());
     row += static_cast<std::int64_t>(particles.size());
-  });
+  }
   writer.close(dataset);
 }
 
@@ -78,8 +84,8 @@ template <class T, class Value>
 void write_series(Hdf5Writer& writer, Hdf5Writer::Dataset dataset, std::int64_t first, std::int64_t rows,
                   Value&& value) {
   std::vector<T> values;
-  for (std::int64_t begin = 0; begin < rows; begin += piece) {
-    values.resize(std::min<std::int64_t>(rows - begin, piece));
+  for (std::int64_t begin = 0; begin < rows; begin += piece_size) {
+    values.resize(std::min<std::int64_t>(rows - begin, piece_size));
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = value(begin + static_cast<std::int64_t>(i));
     writer.write(dataset, first + begin, values.size(), values.data());
   }
@@ -146,21 +152,22 @@ void FrameWriter<Dim>::write(GlobalIndex step, Real time, const std::vector<Body
     image.make_dataset<std::int64_t>(group + "FieldData/step", std::span(&step, 1));
   });
 
-  write_column(writer, points, position, bodies, partition);
+  const std::vector<Piece> pieces = pieces_of(bodies);
+  write_column(writer, points, position, bodies, pieces, partition.first);
   write_series<std::int64_t>(writer, connectivity, partition.first, partition.rows, [](auto i) { return i; });
   write_series<std::int64_t>(writer, offsets, partition.first + communicator_.rank(), partition.rows + 1,
                              [](auto i) { return i; });
   write_series<std::uint8_t>(writer, types, partition.first, partition.rows,
                              [](auto) { return vertex_cell; });
   std::int64_t row = partition.first;
-  for_each_piece(bodies, [&](std::size_t body, Index, Index, const std::vector<Index>& particles) {
-    const std::vector<std::int32_t> numbers(particles.size(), static_cast<std::int32_t>(body));
+  for (const Piece& piece : pieces) {
+    const std::vector<std::int32_t> numbers(piece.particles.size(), static_cast<std::int32_t>(piece.body));
     writer.write(body_numbers, row, numbers.size(), numbers.data());
     row += static_cast<std::int64_t>(numbers.size());
-  });
+  }
   writer.close(body_numbers);
   for (std::size_t c = 0; c < columns.size(); ++c)
-    write_column(writer, datasets[c], columns[c], bodies, partition);
+    write_column(writer, datasets[c], columns[c], bodies, pieces, partition.first);
   writer.commit(
       [&](Hdf5Image& image) {
         image.set_attribute(image.open(group + "Points"), "units", position.units);

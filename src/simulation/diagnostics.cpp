@@ -157,16 +157,19 @@ void frame_von_mises(const State<Dim>& state, std::size_t body, Index begin, Ind
     for (Index start = begin; start < end; start += chunk_particles) {
       const Index stop = std::min<Index>(start + chunk_particles, end);
       source.kirchhoff_stress(start, stop, tau);
-      for (Index p = start; p < stop; ++p) {
+      // Roots in a loop of their own: their error handling would keep the rest out of the vector registers.
+      Real* values = out + (start - begin);
+      for (Index i = 0; i < stop - start; ++i) {
         Real pressure = 0, squares = 0;
-        for (int a = 0; a < Dim; ++a) pressure += storage[SymTensor<Real, Dim>::index(a, a)][p - start] / Dim;
+        for (int a = 0; a < Dim; ++a) pressure += storage[SymTensor<Real, Dim>::index(a, a)][i] / Dim;
         for (int a = 0; a < Dim; ++a)
           for (int b = 0; b < Dim; ++b) {
-            const Real s = storage[SymTensor<Real, Dim>::index(a, b)][p - start] - (a == b ? pressure : 0);
+            const Real s = storage[SymTensor<Real, Dim>::index(a, b)][i] - (a == b ? pressure : 0);
             squares += s * s;
           }
-        out[p - begin] = std::sqrt(1.5 * squares) / jacobian(columns, p);
+        values[i] = 1.5 * squares;
       }
+      for (Index i = 0; i < stop - start; ++i) values[i] = std::sqrt(values[i]) / jacobian(columns, start + i);
     }
   });
 }
