@@ -48,13 +48,17 @@ struct Stretch {
 
 inline constexpr std::size_t plain_piece = std::size_t{4} << 20;
 
-// One stream of pwrite per rank into one new file, which then takes its name, as the program's files do. Collective.
+// One stream of pwrite per rank into one new file of known size, which then takes its name, as the program's files do.
+// Collective.
 inline void write_plainly(const Communicator& communicator, const std::filesystem::path& file,
                           std::uint64_t total, bool sync) {
   static const std::vector<char> data(plain_piece, 'x');
   std::filesystem::path temporary = file;
   temporary += ".tmp";
-  if (communicator.root()) PlainFile(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+  if (communicator.root()) {
+    const PlainFile out(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+    ::fallocate(out, 0, 0, static_cast<off_t>(total));  // as the program does; without effect where it can't be done
+  }
   communicator.barrier();
   {
     PlainFile out(temporary, O_WRONLY);
