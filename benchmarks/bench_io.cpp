@@ -8,7 +8,7 @@ namespace {
 
 using namespace mpm;
 
-constexpr int rounds = 5;
+int rounds_of(const BenchOptions& options) { return options.small ? 1 : 5; }
 
 // A folder for the files, which goes with its owner. Collective.
 class Folder {
@@ -114,7 +114,7 @@ void bench_frame(benchmark::State& bench, const Communicator& communicator, cons
     (void)unused;
     report(
         bench, communicator, state, bytes,
-        time_in_turns(communicator, rounds,
+        time_in_turns(communicator, rounds_of(options),
                       {[&] {
                          writer.write(0, 0, state.bodies, derived);  // replaces the frame of the same time
                          if (sync) PlainFile(writer.last(), O_WRONLY).sync();
@@ -148,7 +148,7 @@ void bench_checkpoint(benchmark::State& bench, const Communicator& communicator,
   }
   for (auto unused : bench) {
     (void)unused;
-    report(bench, communicator, state, bytes, time_in_turns(communicator, rounds, variants));
+    report(bench, communicator, state, bytes, time_in_turns(communicator, rounds_of(options), variants));
   }
 }
 
@@ -158,6 +158,7 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
     int cells;
   };
   std::vector<Size> sizes = {{"512k", 40}};
+  if (options.small) sizes = {{"8k", 10}};
   if (options.large) sizes.push_back({"4M", 80});
   for (const Size& size : sizes) {
     for (const bool sync : {false, true})

@@ -34,6 +34,7 @@ PROMISED = {
     "bench_halo": {"halo/": ["halo_microseconds", "plain_microseconds", "ratio", "bytes_per_step", "messages_per_step",
                              "plain_messages_per_step", "gb_per_s", "share_of_step", "waited_share"]},
 }
+PROMISED["bench_io"] = {kind: ["mb", "gb_per_s", "plain_gb_per_s", "over_plain"] for kind in ("frame/", "checkpoint/")}
 MAY_VANISH = {"bytes_per_step", "messages_per_step", "plain_messages_per_step", "gb_per_s", "metis_megabytes",
               "arithmetic_ns", "products", "iterations_per_solve", "difference"}
 # Cases that are left out where they would take long.
