@@ -30,7 +30,8 @@ void FieldSet::resize(Index size) {
     for (int c = 0; c < column.traits.components; ++c) {
       AlignedBuffer& buffer = column.components[c];
       if (!buffer.data() || needed > buffer.capacity()) {
-        AlignedBuffer larger(needed, (column.first_stagger + c) * stagger_step);
+        const std::size_t room = buffer.data() ? needed / AlignedBuffer::growing : 0;
+        AlignedBuffer larger(needed + room, (column.first_stagger + c) * stagger_step);
         if (size_ > 0) std::memcpy(larger.data(), buffer.data(), width * static_cast<std::size_t>(size_));
         buffer.swap(larger);
       }

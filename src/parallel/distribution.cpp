@@ -39,9 +39,16 @@ template <int Dim>
 typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vector<Body<Dim>>& bodies,
                                                                 Real factor) const {
   std::unordered_map<GlobalIndex, Real> sums;
+  GlobalIndex last = -1;
+  Real* sum = nullptr;  // of the last block; most particles follow one of the same block
   for (const Body<Dim>& body : bodies)
-    for (Index p = 0; p < body.particles.size(); ++p)
-      if (!body.is_padding(p)) sums[decomposition_.coarse_index(block_of(body, p))] += factor;
+    for (Index p = 0; p < body.particles.size(); ++p) {
+      if (body.is_padding(p)) continue;
+      const GlobalIndex block = decomposition_.coarse_index(block_of(body, p));
+      if (block != last) sum = &sums[block];
+      last = block;
+      *sum += factor;
+    }
   typename Decomposition<Dim>::Weights result(sums.begin(), sums.end());
   std::sort(result.begin(), result.end());
   return result;

@@ -1,6 +1,8 @@
 // Raw storage of one column component, aligned to cache lines and staggered against its neighbours.
 #pragma once
 
+#include <sys/mman.h>
+
 #include <cstddef>
 #include <cstdlib>
 #include <new>
@@ -19,6 +21,8 @@ namespace mpm {
 class AlignedBuffer {
  public:
   static constexpr std::size_t line = 64, page = 4096;
+  // Parts of its size that a buffer takes more: one that grows is likely to grow again, on a rank that a body moves to.
+  static constexpr std::size_t steady = 64, growing = 16;
 
   AlignedBuffer() = default;
   AlignedBuffer(std::size_t bytes, int stagger_lines) { allocate(bytes, stagger_lines); }
@@ -32,12 +36,17 @@ class AlignedBuffer {
   void allocate(std::size_t bytes, int stagger_lines) {
     const std::size_t needed = whole_pages(bytes);
     if (needed > allocated_ || needed + needed / 8 + 16 * page < allocated_) {
+      const std::size_t room = bytes / (allocated_ > 0 && needed > allocated_ ? growing : steady);
       std::free(std::exchange(raw_, nullptr));
       allocated_ = 0;
-      const std::size_t total = whole_pages(bytes + bytes / slack_part);
+      const std::size_t total = whole_pages(bytes + room);
       raw_ = std::aligned_alloc(page, total);
       if (!raw_) throw std::bad_alloc();
       allocated_ = total;
+#ifdef MADV_HUGEPAGE
+      // First touch costs more than a copy with pages of 4 KB; columns grow and move when particles arrive.
+      if (total >= huge_page) madvise(raw_, total, MADV_HUGEPAGE);
+#endif
     }
     data_ = static_cast<char*>(raw_) + (static_cast<std::size_t>(stagger_lines) * line) % page;
     fence(bytes);
@@ -63,7 +72,7 @@ class AlignedBuffer {
   std::size_t allocated() const { return allocated_; }
 
  private:
-  static constexpr std::size_t slack_part = 64;
+  static constexpr std::size_t huge_page = std::size_t{2} << 20;
   // With a page for the stagger.
   static constexpr std::size_t whole_pages(std::size_t bytes) { return (bytes + page + page - 1) / page * page; }
 
