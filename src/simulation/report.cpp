@@ -176,7 +176,10 @@ RunReport make_report(State<Dim>& state, const std::vector<std::unique_ptr<Effec
   report.neighbours = halo[0];
   report.ghost_nodes = halo[1];
   report.imbalance = state.distribution.imbalance();
-  for (const auto& [name, work] : state.solvers) report.solver_iterations[name] = work.iterations;
+  for (const auto& [name, work] : state.solvers) {
+    report.solver_iterations[name] = work.iterations;
+    report.solver_unknowns[name] = static_cast<Real>(work.unknowns) / static_cast<Real>(std::max<GlobalIndex>(1, work.solves));
+  }
   state.guards["particles_removed_outside_domain"] += state.distribution.take_removed();
   state.guards["particles_put_back_onto_wall"] += state.distribution.take_kept();
   for (const auto& [name, count] : state.guards) report.guards[name] = communicator.sum(count);
@@ -207,14 +210,15 @@ std::string closing_table(const RunReport& report) {
                         traffic.files == 1 ? "" : "s", static_cast<Real>(traffic.bytes) / 1e6, traffic.seconds,
                         traffic.gb_per_second());
   const MemoryReport& memory = report.memory;
-  text += fmt::format("memory of a rank: {:.4g} MB before the run, {:.4g} MB of arrays; peak {:.2f} times that", 
+  text += fmt::format("memory of a rank: {:.4g} MB before the run, {:.4g} MB of arrays; peak {:.2f} times that",
                       largest_mb(memory.before_bytes), largest_mb(memory.steady_bytes), memory.peak_over_steady);
   for (std::size_t i = 0; memory.has_phases && i < memory.phases.size(); ++i)
     text += fmt::format("{}{} {:.2f}", i ? ", " : " (", memory.phases[i].name, memory.phases[i].over_steady);
   text += memory.has_phases ? ")\n" : "\n";
   for (const auto& [name, count] : report.solver_iterations)
-    text += fmt::format("solver {}: {} iterations, {:.2f} per step\n", name, count,
-                        report.steps > 0 ? static_cast<Real>(count) / static_cast<Real>(report.steps) : 0.0);
+    text += fmt::format("solver {}: {} iterations, {:.2f} per step, for {:.4g} unknowns on average\n", name, count,
+                        report.steps > 0 ? static_cast<Real>(count) / static_cast<Real>(report.steps) : 0.0,
+                        report.solver_unknowns.at(name));
   for (const auto& [name, count] : report.guards)
     if (count > 0) text += fmt::format("guard {}: {} times\n", name, count);
   return text;

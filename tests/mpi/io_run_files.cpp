@@ -99,6 +99,7 @@ TEST_F(IoRunFiles, RunJson) {
   report.stages = {{"p2g", {1, 2, 3}}, {"g2p", {4, 5, 6}}};
   report.traffic_per_step = {{"halo_bytes", {7, 8, 9}}};
   report.solver_iterations = {{"krylov", 12}};
+  report.solver_unknowns = {{"krylov", 34.5}};
   report.guards = {{"inverted_elements", 2}};
   report.exit_code = ExitCode::numerical_failure;
   report.exit_reason = "particle 3 \xff left";
@@ -129,6 +130,7 @@ TEST_F(IoRunFiles, RunJson) {
                           "ghost_nodes",
                           "imbalance",
                           "solver_iterations",
+                          "solver_unknowns",
                           "guards",
                           "exit"})
     EXPECT_TRUE(json.contains(key)) << key;
@@ -141,6 +143,7 @@ TEST_F(IoRunFiles, RunJson) {
   EXPECT_TRUE(json["imbalance"].is_null());
   EXPECT_EQ(json["stages"]["g2p"]["max"], 6);
   EXPECT_EQ(json["traffic_per_step"]["halo_bytes"]["mean"], 8);
+  EXPECT_EQ(json["solver_unknowns"]["krylov"], 34.5);
   EXPECT_EQ(json["exit"]["code"], 3);
   EXPECT_EQ(names("."), std::set<std::string>{"run.json"});
   text_on_all_ranks<FileError>(world_, [&] { write_run_json(world_, folder_ / "missing/run.json", report); });

@@ -64,6 +64,7 @@ struct RunReport {
   GlobalIndex rebalances = 0;
   Real imbalance = 1;  // largest over mean weight of a rank
   std::map<std::string, GlobalIndex> solver_iterations;
+  std::map<std::string, Real> solver_unknowns;  // of all ranks, mean over the solves
   std::map<std::string, GlobalIndex> guards;
   ExitCode exit_code = ExitCode::done;
   std::string exit_reason;
