@@ -9,6 +9,8 @@ namespace mpm {
 namespace {
 
 constexpr std::size_t block = std::size_t{64} << 20;
+// Linux counts resident pages by processor and adds them up now and then: its figures are some hundred kilobytes old.
+constexpr std::size_t late = block / 64;
 
 // Takes and returns memory that the system sees at once.
 void touch_block() {
@@ -34,7 +36,7 @@ TEST(MemoryWatch, FindsThePhaseThatPeaks) {
   watch.begin();
   watch.end("idle");
   const auto peaks = watch.peaks();
-  EXPECT_GE(peaks.at("inner"), watch.before() + block);
+  EXPECT_GE(peaks.at("inner") + late, watch.before() + block);
   EXPECT_GE(peaks.at("outer"), peaks.at("inner"));
   if (!watch.has_phases()) GTEST_SKIP() << "this process can't restart its peak";
   EXPECT_LT(peaks.at("idle"), watch.before() + block / 2);
