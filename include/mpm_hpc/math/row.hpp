@@ -1,5 +1,5 @@
-// A row of a tile: four nodes times four values, held in one or two wide registers. GCC's and Clang's vector types keep
-// this portable: on narrower machines the compiler splits the operations.
+// A row of a tile: four nodes times four values, held in one or two registers of 64 bytes, or in four quads where there are
+// none. GCC's and Clang's vector types keep this portable.
 #pragma once
 
 #include <cstring>
@@ -11,12 +11,20 @@ namespace mpm {
 inline constexpr int row_nodes = 4;   // nodes per row
 inline constexpr int row_values = 4; // values per node
 
-template <class T>
-struct Row;
-
 // Four values of one node, or the four weights of a row.
 template <class T>
 using Quad __attribute__((vector_size(4 * sizeof(T)))) = T;
+
+template <class T>
+inline Quad<T> load_quad(const T* p) {
+  Quad<T> q;
+  std::memcpy(&q, p, sizeof(q));
+  return q;
+}
+
+#ifdef __AVX512F__
+template <class T>
+struct Row;
 
 template <>
 struct Row<double> {
@@ -110,6 +118,42 @@ inline void store_sums(const Row<float>& r0, const Row<float>& r1, const Row<flo
                 __builtin_shufflevector(x, y, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
   std::memcpy(out, &sum, sizeof(V));
 }
+#else
+// Without registers of 64 bytes a row is four quads: the compiler takes a shuffle of a wider vector apart number by number.
+template <class T>
+struct Row {
+  Quad<T> a, b, c, d;
+
+  static Row load(const T* p) { return {load_quad(p), load_quad(p + 4), load_quad(p + 8), load_quad(p + 12)}; }
+  void store(T* p) const {
+    std::memcpy(p, &a, sizeof(a));
+    std::memcpy(p + 4, &b, sizeof(b));
+    std::memcpy(p + 8, &c, sizeof(c));
+    std::memcpy(p + 12, &d, sizeof(d));
+  }
+  // The same four values at each node.
+  static Row repeat(Quad<T> q) { return {q, q, q, q}; }
+  // Value n of q in all values of node n.
+  static Row spread(Quad<T> q) {
+    return {__builtin_shufflevector(q, q, 0, 0, 0, 0), __builtin_shufflevector(q, q, 1, 1, 1, 1),
+            __builtin_shufflevector(q, q, 2, 2, 2, 2), __builtin_shufflevector(q, q, 3, 3, 3, 3)};
+  }
+  static Row zero() { return {Quad<T>{}, Quad<T>{}, Quad<T>{}, Quad<T>{}}; }
+  // Sum over the four nodes.
+  Quad<T> sum() const { return (a + b) + (c + d); }
+  friend Row operator+(const Row& x, const Row& y) { return {x.a + y.a, x.b + y.b, x.c + y.c, x.d + y.d}; }
+  friend Row operator-(const Row& x, const Row& y) { return {x.a - y.a, x.b - y.b, x.c - y.c, x.d - y.d}; }
+  friend Row operator*(const Row& x, const Row& y) { return {x.a * y.a, x.b * y.b, x.c * y.c, x.d * y.d}; }
+  friend Row operator*(T s, const Row& x) { return {s * x.a, s * x.b, s * x.c, s * x.d}; }
+};
+
+// The sums over the nodes of four rows, one quad behind the other.
+template <class T>
+inline void store_sums(const Row<T>& r0, const Row<T>& r1, const Row<T>& r2, const Row<T>& r3, T* out) {
+  const Quad<T> sums[4] = {r0.sum(), r1.sum(), r2.sum(), r3.sum()};
+  std::memcpy(out, sums, sizeof(sums));
+}
+#endif
 
 // f(integral_constant<0>) ... f(integral_constant<N - 1>), written out: what depends on the number is decided when compiled.
 template <int N, class F>
@@ -127,13 +171,6 @@ inline V add_multiple(const V& sum, const V& x) {
   if constexpr (Factor == -1) return sum - x;
   static_assert(Factor >= -1 && Factor <= 2);
   if constexpr (Factor == 2) return sum + x + x;
-}
-
-template <class T>
-inline Quad<T> load_quad(const T* p) {
-  Quad<T> q;
-  std::memcpy(&q, p, sizeof(q));
-  return q;
 }
 
 namespace detail {
