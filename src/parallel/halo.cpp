@@ -184,6 +184,23 @@ GlobalIndex masked_nodes(const Entries& entries) {
 }  // namespace
 
 template <int Dim>
+void Halo<Dim>::receive(Peer& peer, std::size_t bytes, int tag) {
+  peer.receive.resize(bytes);
+  requests_->receives.emplace_back();
+  MPI_Irecv(peer.receive.data(), static_cast<int>(bytes), MPI_BYTE, peer.rank, tag, requests_->comm,
+            &requests_->receives.back());
+}
+
+template <int Dim>
+void Halo<Dim>::send(Peer& peer, int tag) {
+  requests_->sends.emplace_back();
+  MPI_Isend(peer.send.data(), static_cast<int>(peer.send.size()), MPI_BYTE, peer.rank, tag, requests_->comm,
+            &requests_->sends.back());
+  ++messages_;
+  bytes_ += static_cast<GlobalIndex>(peer.send.size());
+}
+
+template <int Dim>
 void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, bool sum) {
   Requests& requests = *requests_;
   debug_check(!requests.active, "a halo exchange starts while another is under way");
@@ -201,10 +218,7 @@ void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, boo
     for (Peer& peer : peers_) {
       const auto& incoming = sum ? peer.shared : peer.ghosts;
       if (incoming.empty()) continue;
-      peer.receive.resize(masked_nodes(incoming) * components * sizeof(T));
-      requests.receives.emplace_back();
-      MPI_Irecv(peer.receive.data(), static_cast<int>(peer.receive.size()), MPI_BYTE, peer.rank, tag, requests.comm,
-                &requests.receives.back());
+      receive(peer, masked_nodes(incoming) * components * sizeof(T), tag);
     }
     for (Peer& peer : peers_) {
       const auto& outgoing = sum ? peer.ghosts : peer.shared;
@@ -217,11 +231,7 @@ void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, boo
           for (int c = 0; c < sent; ++c) *out++ = node[c];
         });
       }
-      requests.sends.emplace_back();
-      MPI_Isend(peer.send.data(), static_cast<int>(peer.send.size()), MPI_BYTE, peer.rank, tag, requests.comm,
-                &requests.sends.back());
-      ++messages_;
-      bytes_ += static_cast<GlobalIndex>(peer.send.size());
+      send(peer, tag);
     }
   });
 }
@@ -284,22 +294,13 @@ void Halo<Dim>::fill_blocks(std::vector<char>& flags) {
   requests.sends.clear();
   requests.receives.clear();
   constexpr int tag = 3;
-  for (Peer& peer : peers_) {
-    if (peer.ghosts.empty()) continue;
-    peer.receive.resize(peer.ghosts.size());
-    requests.receives.emplace_back();
-    MPI_Irecv(peer.receive.data(), static_cast<int>(peer.receive.size()), MPI_BYTE, peer.rank, tag, requests.comm,
-              &requests.receives.back());
-  }
+  for (Peer& peer : peers_)
+    if (!peer.ghosts.empty()) receive(peer, peer.ghosts.size(), tag);
   for (Peer& peer : peers_) {
     if (peer.shared.empty()) continue;
     peer.send.resize(peer.shared.size());
     for (std::size_t i = 0; i < peer.shared.size(); ++i) peer.send[i] = flags[peer.shared[i].slot];
-    requests.sends.emplace_back();
-    MPI_Isend(peer.send.data(), static_cast<int>(peer.send.size()), MPI_BYTE, peer.rank, tag, requests.comm,
-              &requests.sends.back());
-    ++messages_;
-    bytes_ += static_cast<GlobalIndex>(peer.send.size());
+    send(peer, tag);
   }
   MPI_Waitall(static_cast<int>(requests.receives.size()), requests.receives.data(), MPI_STATUSES_IGNORE);
   for (Peer& peer : peers_)

@@ -93,6 +93,9 @@ class Halo {
   using Wanted = std::map<int, std::vector<BlockRequest>>;
   void connect(const Communicator& communicator, const BlockTopology<Dim>& topology, const Wanted& wanted,
                const Wanted& asked);
+  // Posts the receipt of so many bytes, and sends what the peer's buffer holds; of both exchanges.
+  void receive(Peer& peer, std::size_t bytes, int tag);
+  void send(Peer& peer, int tag);
   void start(GridFields& fields, const std::vector<FieldId>& which, bool sum);
   void finish();
 
