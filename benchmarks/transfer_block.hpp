@@ -137,9 +137,9 @@ class TransferBlock {
   }
 
   // G2P's limits, kept like the step keeps them.
-  struct Sink final : UpdateSink {
+  struct Sink final : UpdateSink<Dim, T> {
     KinematicLimits limits;
-    void updated(Index, Index, const KinematicLimits& chunk) override { limits.include(chunk); }
+    void updated(Index, Index, const KinematicLimits& chunk, const T* const*) override { limits.include(chunk); }
   };
 
   Scene<Dim> scene_;

@@ -33,7 +33,7 @@ void ExplicitIntegrator<Dim>::initialise(State<Dim>& state) {
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for (std::size_t b = 0; b < state.bodies.size(); ++b) {
-      LimitCollector<Dim, T> collector(state, b);
+      MaterialAdvance<Dim, T> sink(state, b);
       const FieldSet& fields = state.bodies[b].particles;
       for (const BlockRange& range : state.bodies[b].ranges) {
         KinematicLimits kinematic;
@@ -50,7 +50,7 @@ void ExplicitIntegrator<Dim>::initialise(State<Dim>& state) {
           }
           kinematic.speed = std::max(kinematic.speed, std::sqrt(speed2));
         }
-        collector.updated(range.begin, range.end, kinematic);
+        sink.measure(range.begin, range.end, kinematic);
       }
     }
   });
@@ -98,8 +98,8 @@ void ExplicitIntegrator<Dim>::transfer_to_particles(State<Dim>& state, bool boun
   const TransferGrid<Dim, T> grid{state.geometry(), state.topology(), state.fields.template data<T>(state.nodes)};
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     Body<Dim>& body = state.bodies[b];
-    LimitCollector<Dim, T> collector(state, b);
-    grid_to_particle<QuadraticKernel>(grid, body, boundary ? body.boundary : body.interior, state.dt, collector);
+    MaterialAdvance<Dim, T> sink(state, b);
+    grid_to_particle<QuadraticKernel>(grid, body, boundary ? body.boundary : body.interior, state.dt, sink);
   }
 }
 

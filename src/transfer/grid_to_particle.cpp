@@ -50,7 +50,8 @@ void row_stage(RowParticle<T>* particles, int count, const T* tile) {
 template <int Dim, class T>
 struct Columns {
   Real* x[Dim];
-  T *v[Dim], *C[Dim * Dim], *F[Dim * Dim];
+  T *v[Dim], *C[Dim * Dim];
+  const T* F[Dim * Dim];  // read by the sink
 
   explicit Columns(const FieldSet& fields) {
     for (int a = 0; a < Dim; ++a) {
@@ -87,7 +88,7 @@ void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, 
   require_inside(outside);
 }
 
-// New velocity, gradient, deformation and position of the chunk's particles.
+// New velocity, gradient and position of the chunk's particles.
 template <class Kernel, int Dim, class T>
 KinematicLimits update_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns,
                              const IntVec<Dim>& first_node, Index begin, Index end, Real dt,
@@ -95,7 +96,7 @@ KinematicLimits update_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T
   using S = Pack<T>;
   constexpr int W = pack_width<T>;
   using Wide = Eigen::Array<Real, W, 1>;
-  const T step = static_cast<T>(dt), per_length = static_cast<T>(Kernel::inverse_inertia / grid.spacing());
+  const T per_length = static_cast<T>(Kernel::inverse_inertia / grid.spacing());
   const S none = S::Zero();
   S speed2 = none, component = none, gradient = none, jump2 = none;
   for (Index p = begin; p < end; p += W) {
@@ -119,21 +120,14 @@ KinematicLimits update_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T
     }
     speed2 = speed2.max(size2);
     jump2 = jump2.max(change2);
-    Tensor<S, Dim> C, F;
     for (int a = 0; a < Dim; ++a) {
       S row = none;
       for (int b = 0; b < Dim; ++b) {
-        C(a, b) = per_length * (load<S>(slope[b][a]) + place.centre[b] * v[a]);
-        store(columns.C[a * Dim + b] + p, C(a, b));
-        row += C(a, b).abs();
+        const S C = per_length * (load<S>(slope[b][a]) + place.centre[b] * v[a]);
+        store(columns.C[a * Dim + b] + p, C);
+        row += C.abs();
       }
       gradient = gradient.max(row);
-    }
-    for (int c = 0; c < Dim * Dim; ++c) F.m[c] = load<S>(columns.F[c] + p);
-    const Tensor<S, Dim> rate = multiply(C, F);
-    for (int c = 0; c < Dim * Dim; ++c) {
-      const S updated = F.m[c] + step * rate.m[c];
-      store(columns.F[c] + p, updated);
     }
   }
   return {std::sqrt(static_cast<Real>(speed2.maxCoeff())), static_cast<Real>(component.maxCoeff()),
@@ -144,7 +138,7 @@ KinematicLimits update_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T
 
 template <class Kernel, int Dim, class T>
 void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const std::vector<int>& ranges, Real dt,
-                      UpdateSink& sink) {
+                      UpdateSink<Dim, T>& sink) {
   static_assert(Kernel::has_inertia && Kernel::support <= row_nodes);
   Tile<Kernel, Dim, T> tile;
   std::vector<RowParticle<T>> rows(chunk_particles);
@@ -159,14 +153,16 @@ void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const s
       row_stage<Kernel, Dim>(rows.data(), end - begin, tile.data);
       const KinematicLimits limits =
           update_stage<Kernel>(grid.geometry, columns, first_node, begin, end, dt, rows.data());
-      sink.updated(begin, end, limits);
+      const T* gradient[Dim * Dim];
+      for (int c = 0; c < Dim * Dim; ++c) gradient[c] = columns.C[c] + begin;
+      sink.updated(begin, end, limits, gradient);
     }
   }
 }
 
 #define MPM_INSTANTIATE(Dim, T)                                                                                  \
   template void grid_to_particle<QuadraticKernel, Dim, T>(const TransferGrid<Dim, T>&, Body<Dim>&,               \
-                                                          const std::vector<int>&, Real, UpdateSink&);
+                                                          const std::vector<int>&, Real, UpdateSink<Dim, T>&);
 MPM_INSTANTIATE(2, float)
 MPM_INSTANTIATE(2, double)
 MPM_INSTANTIATE(3, float)

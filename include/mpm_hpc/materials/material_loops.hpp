@@ -28,6 +28,15 @@ class MaterialLoops final : public Material<Dim> {
     stress_loop(F, phase, residual, begin, end, tau);
   }
 
+  MaterialLimits advance(double* const* F, const double* const* gradient, Real dt, Index begin,
+                         Index end) const override {
+    return advance_loop(F, gradient, dt, begin, end);
+  }
+  MaterialLimits advance(float* const* F, const float* const* gradient, Real dt, Index begin,
+                         Index end) const override {
+    return advance_loop(F, gradient, dt, begin, end);
+  }
+
   MaterialLimits limits(const double* const* F, Index begin, Index end) const override {
     return limits_loop(F, begin, end);
   }
@@ -80,26 +89,52 @@ class MaterialLoops final : public Material<Dim> {
     }
   }
 
+  // The limits of a run of particles, pack by pack.
   template <class T>
-  [[gnu::flatten]] MaterialLimits limits_loop(const T* const* F, Index begin, Index end) const {
+  struct LimitPacks {
     using S = Pack<T>;
-    const Law law = law_;
     const S infinity = broadcast<S>(std::numeric_limits<T>::infinity());
     S stiffness = broadcast<S>(0.0), wave_modulus = stiffness, min_J = infinity;
-    for (Index p = begin; p < end; p += pack_width<T>) {
-      const Tensor<S, Dim> a = load_tensor<S, Dim>(F, p);
-      const S J = determinant(a);
+
+    void include(const Law& law, const Tensor<S, Dim>& F) {
+      const S J = determinant(F);
       // J - J is 0, or NaN for a J that is no finite number, which a maximum of packs may lose.
-      const S k = law.stiffness_bound(a) + (J - J), w = law.wave_modulus(a) + (J - J);
+      const S k = law.stiffness_bound(F) + (J - J), w = law.wave_modulus(F) + (J - J);
       stiffness = maximum<S>(stiffness, select_less<S>(k, infinity, k, infinity));
       wave_modulus = maximum<S>(wave_modulus, select_less<S>(w, infinity, w, infinity));
       min_J = minimum<S>(min_J, select_less<S>(-infinity, J, J, -infinity));
     }
-    MaterialLimits limits;
-    for (int lane = 0; lane < pack_width<T>; ++lane)
-      limits.include(
-          {.stiffness = stiffness[lane], .wave_modulus = wave_modulus[lane], .min_jacobian = min_J[lane]});
-    return limits;
+    MaterialLimits limits() const {
+      MaterialLimits limits;
+      for (int lane = 0; lane < pack_width<T>; ++lane)
+        limits.include(
+            {.stiffness = stiffness[lane], .wave_modulus = wave_modulus[lane], .min_jacobian = min_J[lane]});
+      return limits;
+    }
+  };
+
+  template <class T>
+  [[gnu::flatten]] MaterialLimits advance_loop(T* const* F, const T* const* gradient, Real dt, Index begin,
+                                               Index end) const {
+    using S = Pack<T>;
+    const Law law = law_;
+    const S step = broadcast<S>(dt);
+    LimitPacks<T> limits;
+    for (Index p = begin; p < end; p += pack_width<T>) {
+      const Tensor<S, Dim> old = load_tensor<S, Dim>(F, p);
+      const Tensor<S, Dim> updated = old + step * multiply(load_tensor<S, Dim>(gradient, p - begin), old);
+      store_tensor(F, p, updated);
+      limits.include(law, updated);
+    }
+    return limits.limits();
+  }
+
+  template <class T>
+  [[gnu::flatten]] MaterialLimits limits_loop(const T* const* F, Index begin, Index end) const {
+    const Law law = law_;
+    LimitPacks<T> limits;
+    for (Index p = begin; p < end; p += pack_width<T>) limits.include(law, load_tensor<Pack<T>, Dim>(F, p));
+    return limits.limits();
   }
 
   template <class T>

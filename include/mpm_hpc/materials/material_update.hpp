@@ -61,6 +61,13 @@ class Material {
   virtual void stress(const float* const* F, const float* phase, Real residual, Index begin, Index end,
                       float* const* tau) const = 0;
 
+  // Deforms the particles by one step, F <- (I + dt grad v) F with gradient[i * Dim + j][p - begin] = d v_i / d x_j [1/s],
+  // and returns the limits of what they have become.
+  virtual MaterialLimits advance(double* const* F, const double* const* gradient, Real dt, Index begin,
+                                 Index end) const = 0;
+  virtual MaterialLimits advance(float* const* F, const float* const* gradient, Real dt, Index begin,
+                                 Index end) const = 0;
+
   virtual MaterialLimits limits(const double* const* F, Index begin, Index end) const = 0;
   virtual MaterialLimits limits(const float* const* F, Index begin, Index end) const = 0;
 

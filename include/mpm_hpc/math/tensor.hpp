@@ -198,6 +198,10 @@ inline Tensor<S, Dim> load_tensor(const T* const* columns, std::ptrdiff_t index)
 }
 
 template <class S, int Dim, class T>
+inline void store_tensor(T* const* columns, std::ptrdiff_t index, const Tensor<S, Dim>& a) {
+  for (int k = 0; k < Dim * Dim; ++k) store(columns[k] + index, a.m[k]);
+}
+template <class S, int Dim, class T>
 inline void store_tensor(T* const* columns, std::ptrdiff_t index, const SymTensor<S, Dim>& a) {
   for (int k = 0; k < a.size; ++k) store(columns[k] + index, a.m[k]);
 }

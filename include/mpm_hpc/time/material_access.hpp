@@ -36,14 +36,26 @@ class MaterialStress final : public StressSource<Dim, T> {
   Real residual_ = 0;
 };
 
+// Deforms a body's particles after they have moved and keeps the limits of the next step.
 template <int Dim, class T>
-class LimitCollector final : public UpdateSink {
+class MaterialAdvance final : public UpdateSink<Dim, T> {
  public:
-  LimitCollector(State<Dim>& state, std::size_t body)
-      : material_(state.material_of(body)), columns_(state.bodies[body].particles), limits_(state.limits) {}
+  MaterialAdvance(State<Dim>& state, std::size_t body)
+      : material_(state.material_of(body)), limits_(state.limits), dt_(state.dt) {
+    for (int c = 0; c < Dim * Dim; ++c)
+      F_[c] = state.bodies[body].particles.template data<T>(core::deformation_gradient, c);
+  }
 
-  void updated(Index begin, Index end, const KinematicLimits& kinematic) override {
-    const MaterialLimits material = material_.limits(columns_.F, begin, end);
+  void updated(Index begin, Index end, const KinematicLimits& kinematic, const T* const* gradient) override {
+    include(kinematic, material_.advance(F_, gradient, dt_, begin, end));
+  }
+  // The limits of particles that stay as they are.
+  void measure(Index begin, Index end, const KinematicLimits& kinematic) {
+    include(kinematic, material_.limits(F_, begin, end));
+  }
+
+ private:
+  void include(const KinematicLimits& kinematic, const MaterialLimits& material) {
     limits_.kinematic.include(kinematic);
     limits_.signal_speed =
         std::max(limits_.signal_speed, kinematic.speed + std::sqrt(material.wave_modulus / material_.density()));
@@ -52,10 +64,10 @@ class LimitCollector final : public UpdateSink {
     limits_.min_jacobian = std::min(limits_.min_jacobian, material.min_jacobian);
   }
 
- private:
   const Material<Dim>& material_;
-  DeformationColumns<Dim, T> columns_;
   StepLimits& limits_;
+  Real dt_;
+  T* F_[Dim * Dim];
 };
 
 }  // namespace mpm

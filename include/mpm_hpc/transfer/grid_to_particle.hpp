@@ -20,17 +20,19 @@ struct KinematicLimits {
   }
 };
 
-// Learns of each chunk after its particles have moved, while they are still in cache: return mappings, step limits.
+// Learns of each chunk after its particles have moved, while they are still in cache: deforms them, collects step limits.
+template <int Dim, class T>
 class UpdateSink {
  public:
   virtual ~UpdateSink() = default;
-  virtual void updated(Index begin, Index end, const KinematicLimits& limits) = 0;
+  // gradient[a * Dim + b][p - begin] = d v_a / d x_b [1/s] at the particles; aligned to a cache line.
+  virtual void updated(Index begin, Index end, const KinematicLimits& limits, const T* const* gradient) = 0;
 };
 
 // For each particle of the given ranges: v_p = sum_i w_ip v_i, C_p = D_p^-1 sum_i w_ip v_i (x_i - x_p)^T,
-// F_p <- (I + dt C_p) F_p, x_p <- x_p + dt v_p (physics.md section 1).
+// x_p <- x_p + dt v_p (physics.md section 1). What C_p does to the deformation is the sink's.
 template <class Kernel, int Dim, class T>
 void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const std::vector<int>& ranges, Real dt,
-                      UpdateSink& sink);
+                      UpdateSink<Dim, T>& sink);
 
 }  // namespace mpm

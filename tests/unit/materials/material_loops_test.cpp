@@ -169,6 +169,36 @@ TYPED_TEST(MaterialLoopsTest, LimitsAreTheExtremesOfTheParticles) {
   EXPECT_NEAR(limits.min_jacobian, expected.min_jacobian, tolerance);
 }
 
+// F <- (I + dt grad v) F and the limits of the result.
+TYPED_TEST(MaterialLoopsTest, AdvanceDeformsByTheGradient) {
+  using T = typename TestFixture::T;
+  constexpr int dim = TestFixture::dim;
+  const double dt = 0.01, epsilon = std::numeric_limits<T>::epsilon();
+  Columns<T> gradient{dim * dim, TestFixture::end - TestFixture::begin};
+  std::mt19937 generator(5);
+  std::uniform_real_distribution<double> both(-5, 5);
+  for (int p = 0; p < gradient.count(); ++p)
+    for (int k = 0; k < dim * dim; ++k) gradient[k][p] = static_cast<T>(both(generator));
+  std::vector<Eigen::Matrix<double, dim, dim>> expected;
+  for (int p = this->begin; p < this->end; ++p) {
+    Eigen::Matrix<double, dim, dim> F, G;
+    for (int k = 0; k < dim * dim; ++k) {
+      F(k / dim, k % dim) = this->F[k][p];
+      G(k / dim, k % dim) = gradient[k][p - this->begin];
+    }
+    expected.push_back(F + dt * G * F);
+  }
+  const MaterialLimits limits = this->material.advance(this->F.data(), gradient.data(), dt, this->begin, this->end);
+  for (int p = this->begin; p < this->end; ++p)
+    for (int k = 0; k < dim * dim; ++k)
+      EXPECT_NEAR(this->F[k][p], expected[p - this->begin](k / dim, k % dim),
+                  8 * epsilon * expected[p - this->begin].norm());
+  const MaterialLimits measured = this->material.limits(this->F.data(), this->begin, this->end);
+  EXPECT_EQ(limits.stiffness, measured.stiffness);
+  EXPECT_EQ(limits.wave_modulus, measured.wave_modulus);
+  EXPECT_EQ(limits.min_jacobian, measured.min_jacobian);
+}
+
 // In whatever lane and component it hides, before or after sound particles.
 TYPED_TEST(MaterialLoopsTest, LimitsFindEveryBrokenParticle) {
   using T = typename TestFixture::T;

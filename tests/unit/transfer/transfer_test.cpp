@@ -24,9 +24,23 @@ struct GivenStress : StressSource<Dim, T> {
   }
 };
 
-struct Recorder : UpdateSink {
+// Keeps the limits and deforms the particles as a material does.
+template <int Dim, class T>
+struct Recorder : UpdateSink<Dim, T> {
+  Body<Dim>& body;
+  Real dt;
   KinematicLimits all;
-  void updated(Index, Index, const KinematicLimits& limits) override { all.include(limits); }
+  Recorder(Body<Dim>& b, Real step) : body(b), dt(step) {}
+  void updated(Index begin, Index end, const KinematicLimits& limits, const T* const* gradient) override {
+    all.include(limits);
+    for (Index p = begin; p < end; ++p) {
+      Mat<Dim> G;
+      for (int c = 0; c < Dim * Dim; ++c) G(c / Dim, c % Dim) = gradient[c][p - begin];
+      const Mat<Dim> F = read_particle<Dim, T>(body, p).F, updated = F + dt * G * F;
+      for (int c = 0; c < Dim * Dim; ++c)
+        body.particles.template data<T>(core::deformation_gradient, c)[p] = static_cast<T>(updated(c / Dim, c % Dim));
+    }
+  }
 };
 
 template <class Kernel, int D, class Number>
@@ -104,7 +118,7 @@ TYPED_TEST(Transfer, EqualsTheReferenceAfterADriftOfAlmostOneCell) {
   EXPECT_EQ(seen, static_cast<std::size_t>(std::count_if(reference.mass.begin(), reference.mass.end(),
                                                          [](Real m) { return m > 0; })));
 
-  Recorder sink;
+  Recorder<Dim, T> sink(body, dt);
   grid_to_particle<Kernel>(grid, body, all_ranges(body), dt, sink);
   const auto before = particles;
   reference_grid_to_particle<Kernel>(geometry, reference, dt, particles);
@@ -140,7 +154,7 @@ TYPED_TEST(Transfer, RefusesAParticleThatDriftedTooFar) {
   const TransferGrid<Dim, T> grid{this->geometry, topology, fields.template data<T>(nodes)};
   const GivenStress<Dim, T> stress(body, this->particles);
   const std::vector<int> ranges = all_ranges(body);
-  Recorder sink;
+  Recorder<Dim, T> sink(body, 0.01);
   const Index p = static_cast<Index>(
       std::find(body.particles.template data<GlobalIndex>(core::id),
                 body.particles.template data<GlobalIndex>(core::id) + body.particles.size(), 0) -
@@ -202,7 +216,7 @@ std::pair<Real, Real> drift_after(int transfers, bool keep_affine) {
       double* node = grid.nodes + 4 * i;
       for (int a = 0; a < 3; ++a) node[a] = node[3] > 0 ? node[a] / node[3] : 0;
     }
-    Recorder sink;
+    Recorder<3, double> sink(body, 0.0);
     grid_to_particle<QuadraticKernel>(grid, body, all_ranges(body), 0.0, sink);
     if (!keep_affine)
       for (int c = 0; c < 9; ++c)
@@ -258,7 +272,7 @@ TEST(TransferConservation, AffineFieldIsReproduced) {
         value[a] = expected[a];
       }
     }
-  Recorder sink;
+  Recorder<2, double> sink(body, 0.0);
   grid_to_particle<QuadraticKernel>(grid, body, all_ranges(body), 0.0, sink);
   for (Index p = 0; p < body.particles.size(); ++p) {
     const auto got = read_particle<2, double>(body, p);
