@@ -3,13 +3,16 @@
 namespace mpm {
 
 template <int Dim>
-Body<Dim>::Body(std::string body_name, int material_number, Precision precision)
+Body<Dim>::Body(std::string body_name, int material_number, Precision precision, const BodyColumns& columns)
     : name(std::move(body_name)), material(material_number) {
   const ScalarType real = real_type(precision);
   particles.add({.name = "id", .units = "1", .type = ScalarType::int64, .in_output = true});
   particles.add({.name = "position", .units = "m", .components = Dim});
   particles.add({.name = "velocity", .units = "m/s", .type = real, .components = Dim, .in_output = true});
-  particles.add({.name = "velocity_gradient", .units = "1/s", .type = real, .components = Dim * Dim});
+  particles.add({.name = "velocity_gradient",
+                 .units = "1/s",
+                 .type = real,
+                 .components = columns.velocity_gradient ? Dim * Dim : 0});
   particles.add({.name = "deformation_gradient",
                  .units = "1",
                  .type = real,

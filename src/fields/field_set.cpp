@@ -19,7 +19,7 @@ FieldId FieldSet::add(const FieldTraits& traits) {
 
 FieldId FieldSet::find(std::string_view name) const {
   for (int f = 0; f < count(); ++f)
-    if (columns_[f].traits.name == name) return f;
+    if (columns_[f].traits.name == name && has(f)) return f;
   return no_field;
 }
 

@@ -104,7 +104,7 @@ std::size_t matching_body(const std::filesystem::path& file, const CheckpointBod
                                    column.name, stored.name, remedy));
   }
   for (FieldId f = 0; f < set.count(); ++f)
-    if (std::none_of(stored.columns.begin(), stored.columns.end(),
+    if (set.has(f) && std::none_of(stored.columns.begin(), stored.columns.end(),
                      [&](const CheckpointColumn& c) { return c.name == set.traits(f).name; }))
       checkpoint::fail(file,
                        fmt::format("lacks the column \"{}\" of body \"{}\", which the scene asks for; {}",

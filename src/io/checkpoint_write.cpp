@@ -38,6 +38,7 @@ namespace {
 
 // A bulk dataset and this rank's part of its checksum.
 struct Column {
+  FieldId field;
   Hdf5Writer::Dataset dataset;
   std::uint64_t checksum = 0;
 };
@@ -89,11 +90,12 @@ void write_piece(Hdf5Writer& writer, const FieldSet& set, const IdSlices::Piece&
       offset += bytes_in_row(f);
     }
   }
-  for (FieldId f = 0; f < set.count(); ++f) {
-    const std::size_t components = set.traits(f).components;
-    writer.write(columns[f].dataset, piece.first_row, size, rows[f].data());
-    columns[f].checksum += checksum(rows[f].data(), size * components, bytes_of(set.traits(f).type),
-                                    piece.first_row * components);
+  for (Column& column : columns) {
+    const FieldTraits& traits = set.traits(column.field);
+    const std::vector<char>& values = rows[column.field];
+    writer.write(column.dataset, piece.first_row, size, values.data());
+    column.checksum += checksum(values.data(), size * traits.components, bytes_of(traits.type),
+                                piece.first_row * traits.components);
   }
 }
 
@@ -128,9 +130,10 @@ std::filesystem::path write_checkpoint(const Communicator& communicator, const s
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const FieldSet& set = bodies[b].particles;
     for (FieldId f = 0; f < set.count(); ++f)
-      columns[b].push_back(
-          {writer.add(checkpoint::column_path(b, set.traits(f).name), file_type(set.traits(f).type),
-                      slices[b].total(), set.traits(f).components)});
+      if (set.has(f))
+        columns[b].push_back(
+            {f, writer.add(checkpoint::column_path(b, set.traits(f).name), file_type(set.traits(f).type),
+                           slices[b].total(), set.traits(f).components)});
   }
   writer.lay_out([&](Hdf5Image& image) {
     const Hdf5Id root = image.open("/");
@@ -155,7 +158,7 @@ std::filesystem::path write_checkpoint(const Communicator& communicator, const s
 
   std::vector<std::uint64_t> checksums;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    std::vector<std::vector<char>> scratch(columns[b].size());
+    std::vector<std::vector<char>> scratch(bodies[b].particles.count());
     for (int round = 0; round < slices[b].rounds(); ++round)
       write_piece(writer, bodies[b].particles, slices[b].piece(round), columns[b], scratch);
     for (const Column& column : columns[b]) checksums.push_back(column.checksum);
@@ -166,8 +169,8 @@ std::filesystem::path write_checkpoint(const Communicator& communicator, const s
       [&](Hdf5Image& image) {
         std::size_t next = 0;
         for (std::size_t b = 0; b < bodies.size(); ++b)
-          for (FieldId f = 0; f < bodies[b].particles.count(); ++f) {
-            const FieldTraits& traits = bodies[b].particles.traits(f);
+          for (const Column& column : columns[b]) {
+            const FieldTraits& traits = bodies[b].particles.traits(column.field);
             const Hdf5Id dataset = image.open(checkpoint::column_path(b, traits.name));
             image.set_attribute(dataset, "units", traits.units);
             image.set_attribute(dataset, "checksum", checksums[next++]);

@@ -107,7 +107,7 @@ std::vector<FrameColumn> frame_columns(const std::vector<Body<Dim>>& bodies,
     const FieldSet& set = bodies[b].particles;
     for (FieldId f = 0; f < set.count(); ++f) {
       const FieldTraits& traits = set.traits(f);
-      if (f == core::position) continue;
+      if (f == core::position || !set.has(f)) continue;
       auto column = find(traits.name);
       if (column == columns.end()) {
         columns.push_back({.name = traits.name,

@@ -33,7 +33,10 @@ void read_domain(Parameters& p, Scene<Dim>& scene) {
     q.real("spacing", scene.spacing,
            {.unit = "m", .min = 0, .min_exclusive = true, .required = true, .doc = "Edge h of a grid cell."});
     std::string kernel = "quadratic";
-    q.choice("kernel", kernel, {"quadratic"}, "B-spline of the transfer.");
+    q.choice("kernel", kernel, {"linear", "quadratic", "cubic"}, "B-spline of the transfer.");
+    scene.transfer.kernel = kernel == "linear"  ? KernelKind::linear
+                            : kernel == "cubic" ? KernelKind::cubic
+                                                : KernelKind::quadratic;
     if (q.describing()) return;
     for (int a = 0; a < Dim; ++a) {
       const Real blocks = (scene.upper[a] - scene.lower[a]) / scene.spacing / block_side;
@@ -42,6 +45,34 @@ void read_domain(Parameters& p, Scene<Dim>& scene) {
                                           "are possible; take a larger grid.spacing or a smaller domain",
                                           blocks, 1 << 20));
     }
+  });
+}
+
+void read_transfer(Parameters& p, TransferOptions& options) {
+  p.section("transfer", SectionOptions("What passes between particles and grid."), [&](Parameters& q) {
+    std::string scheme = "apic", forces = "auto";
+    q.choice("scheme", scheme, {"pic", "rpic", "flip", "apic", "polypic"},
+             "What particles keep of the grid's velocity: its mean (pic), its rotation too (rpic), its gradient (apic), its "
+             "products of directions (polypic), or their own velocity plus the grid's change (flip).");
+    options.scheme = scheme == "pic"    ? Scheme::pic
+                     : scheme == "rpic" ? Scheme::rpic
+                     : scheme == "flip" ? Scheme::flip
+                     : scheme == "apic" ? Scheme::apic
+                                        : Scheme::polypic;
+    q.choice("forces", forces, {"auto", "mls", "classical"},
+             "Forces and velocity gradient by moving least squares, or by the weights' gradients; auto: mls, which the linear "
+             "kernel has not.");
+    const bool classical = forces == "classical" || (forces == "auto" && options.kernel == KernelKind::linear);
+    options.forces = classical ? Forces::classical : Forces::mls;
+    std::optional<Real> blend;
+    q.optional_real("flip_blend", blend,
+                    {.min = 0, .max = 1, .doc = "Share of FLIP in FLIP with a PIC blend; default 0.99. Only with scheme = \"flip\"."});
+    if (q.describing()) return;
+    if (blend && !options.increments())
+      q.error_at("flip_blend", fmt::format("flip_blend is for scheme = \"flip\", not for \"{}\"; remove it", scheme));
+    options.flip_blend = blend.value_or(options.flip_blend);
+    const std::string why = why_undefined(options);
+    if (!why.empty()) q.error_at(options.scheme == Scheme::polypic ? "scheme" : "forces", why);
   });
 }
 
@@ -165,6 +196,7 @@ Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effect
   scene.precision = precision == "single" ? Precision::single_precision : Precision::double_precision;
   p.integer("seed", scene.seed, {.min = 0, .doc = "Seed of everything random (jitter)."});
   read_domain(p, scene);
+  read_transfer(p, scene.transfer);
   read_time(p, scene.time);
   read_output(p, scene.output);
   read_parallel(p, scene.distribution);

@@ -11,7 +11,8 @@ void volumes_from_grid_density(State<Dim>& state, std::size_t body_number) {
   const GridGeometry<Dim>& geometry = state.geometry();
   const BlockTopology<Dim>& topology = state.topology();
   // Done once per run, so the plain stencil loop serves.
-  with_precision(state.precision, [&](auto zero) {
+  const auto estimate = [&](auto zero, auto kernel) {
+    using Kernel = decltype(kernel);
     using T = decltype(zero);
     state.fields.zero(state.nodes);
     T* nodes = state.fields.template data<T>(state.nodes);
@@ -34,7 +35,7 @@ void volumes_from_grid_density(State<Dim>& state, std::size_t body_number) {
       }
     };
     for_real_particles([&](Index, const Vec<Dim>& x) {
-      for_each_node<QuadraticKernel>(geometry, x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
+      for_each_node<Kernel>(geometry, x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
         number_density(node) += static_cast<T>(w);
       });
     });
@@ -43,12 +44,15 @@ void volumes_from_grid_density(State<Dim>& state, std::size_t body_number) {
     const Real cell = std::pow(geometry.spacing(), Dim), density = state.material_of(body_number).density();
     for_real_particles([&](Index p, const Vec<Dim>& x) {
       Real around = 0;
-      for_each_node<QuadraticKernel>(geometry, x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
+      for_each_node<Kernel>(geometry, x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
         around += w * number_density(node);
       });
       body.particles.template data<T>(core::volume)[p] = static_cast<T>(cell / around);
       body.particles.template data<T>(core::mass)[p] = static_cast<T>(density * cell / around);
     });
+  };
+  with_precision(state.precision, [&](auto zero) {
+    with_kernel(state.transfer.kernel, [&](auto kernel) { estimate(zero, kernel); });
   });
 }
 

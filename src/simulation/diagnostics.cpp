@@ -11,6 +11,19 @@ namespace {
 
 constexpr const char* axis_names[] = {"x", "y", "z"};
 
+// Diagonal of D_p over h^2 of a particle at x.
+template <int Dim>
+Vec<3> inertia(const State<Dim>& state, const Vec<3>& x) {
+  return with_kernel(state.transfer.kernel, [&](auto kernel) {
+    Vec<3> diagonal = Vec<3>::Zero();
+    for (int a = 0; a < Dim; ++a) {
+      const Real xi = (x[a] - state.geometry().origin()[a]) * state.geometry().inverse_spacing();
+      diagonal[a] = kernel.inertia(xi - std::floor(xi - kernel.shift));
+    }
+    return diagonal;
+  });
+}
+
 // What a rank's particles add to the sums; the order is that of history_row.
 template <int Dim>
 struct Sums {
@@ -23,8 +36,9 @@ struct Sums {
     const DeformationColumns<Dim, T> columns(f);
     const Degradation& degradation = state.degradation[number];
     const T* phase = degradation.phase == no_field ? nullptr : f.template data<T>(degradation.phase);
-    // APIC particles carry angular momentum in their gradient: L = x x m v + m (B^T : eps), B = C D.
-    const Real inertia = std::pow(state.geometry().spacing(), 2) / QuadraticKernel::inverse_inertia;
+    // Affine particles carry angular momentum in their gradient: L = x x m v + m (B^T : eps), B = C D.
+    const bool affine = state.transfer.affine();
+    const Real h2 = std::pow(state.geometry().spacing(), 2);
     alignas(64) T energy[chunk_particles];
     for (const BlockRange& range : body.ranges)
       for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
@@ -39,13 +53,15 @@ struct Sums {
           for (int a = 0; a < Dim; ++a) {
             x[a] = f.template data<Real>(core::position, a)[p];
             v[a] = f.template data<T>(core::velocity, a)[p];
-            for (int b = 0; b < Dim; ++b) C(a, b) = f.template data<T>(core::velocity_gradient, a * Dim + b)[p];
+            if (affine)
+              for (int b = 0; b < Dim; ++b) C(a, b) = f.template data<T>(core::velocity_gradient, a * Dim + b)[p];
             momentum[a].add(m * v[a]);
           }
           mass.add(m);
+          const Vec<3> D = affine ? Vec<3>(h2 * inertia(state, x)) : Vec<3>(Vec<3>::Zero());
           for (int c = 0; c < 3; ++c) {
             const int a = (c + 1) % 3, b = (c + 2) % 3;
-            angular[c].add(m * (x[a] * v[b] - x[b] * v[a] + inertia * (C(b, a) - C(a, b))));
+            angular[c].add(m * (x[a] * v[b] - x[b] * v[a] + C(b, a) * D[a] - C(a, b) * D[b]));
           }
           kinetic.add(0.5 * m * v.squaredNorm());
           elastic.add(static_cast<Real>(f.template data<T>(core::volume)[p]) * energy[p - begin]);

@@ -17,15 +17,25 @@ namespace mpm {
 template <int Dim>
 void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Dim>& state) {
   state.precision = scene.precision;
+  state.transfer = scene.transfer;
   DistributionOptions options = scene.distribution;
-  options.kernel_shift = QuadraticKernel::shift;
-  options.kernel_support = QuadraticKernel::support;
+  with_kernel(scene.transfer.kernel, [&options](auto kernel) {
+    options.kernel_shift = kernel.shift;
+    options.kernel_support = kernel.support;
+  });
   state.distribution = Distribution<Dim>(communicator, scene.geometry(), options);
   state.materials = std::move(scene.materials);
   for (const BodyDefinition<Dim>& definition : scene.bodies) {
     const auto material = std::find_if(state.materials.begin(), state.materials.end(),
                                        [&](const auto& m) { return m->name() == definition.material; });
-    state.bodies.emplace_back(definition.name, static_cast<int>(material - state.materials.begin()), state.precision);
+    state.bodies.emplace_back(definition.name, static_cast<int>(material - state.materials.begin()), state.precision,
+                              BodyColumns{.velocity_gradient = state.transfer.affine()});
+    Body<Dim>& body = state.bodies.back();
+    if (state.transfer.scheme == Scheme::polypic)
+      body.velocity_modes = body.particles.add({.name = "velocity_modes",
+                                                .units = "m/s",
+                                                .type = real_type(state.precision),
+                                                .components = product_modes<Dim> * Dim});
   }
   state.degradation.resize(state.bodies.size());
   state.fields = GridFields(state.precision);
@@ -35,6 +45,13 @@ void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Di
                                   .halo_components = Dim + 1,
                                   .sums_ghosts = true,
                                   .fills_ghosts = true});
+  if (state.transfer.increments())
+    state.changes = state.fields.add({.name = "change",
+                                      .units = "kg m/s",
+                                      .components = node_values,
+                                      .halo_components = Dim,
+                                      .sums_ghosts = true,
+                                      .fills_ghosts = true});
   for (auto& effect : scene.effects) effect->declare_fields(state);
 }
 
@@ -164,7 +181,8 @@ void fill_piece(const FieldSet& f, Index first, const BodyDefinition<Dim>& defin
       f.template data<Real>(core::position, a)[p] = x[a];
       f.template data<T>(core::velocity, a)[p] = static_cast<T>(v[a]);
       for (int b = 0; b < Dim; ++b) {
-        f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(spin(a, b));
+        if (f.has(core::velocity_gradient))
+          f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(spin(a, b));
         if (!cloud.deformation_gradients.empty())
           f.template data<T>(core::deformation_gradient, a * Dim + b)[p] =
               static_cast<T>(cloud.deformation_gradients[i](a, b));

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/time/failure.hpp"
 #include "mpm_hpc/time/material_access.hpp"
 
@@ -10,12 +9,15 @@ namespace mpm {
 
 template <int Dim>
 ExplicitIntegrator<Dim>::ExplicitIntegrator(State<Dim>& state, StepHooks<Dim> hooks, const StepSizeOptions& options)
-    : hooks_(std::move(hooks)), options_(options) {
+    : hooks_(std::move(hooks)),
+      options_(options),
+      single_(transfer_kernels<Dim, float>(state.transfer)),
+      double_(transfer_kernels<Dim, double>(state.transfer)) {
   for (FieldId f = 0; f < state.fields.count(); ++f) {
     if (state.fields.traits(f).sums_ghosts) summed_.push_back(f);
     if (state.fields.traits(f).fills_ghosts) filled_.push_back(f);
   }
-  options_.inverse_inertia = QuadraticKernel::inverse_inertia;
+  options_.isolated_stiffness = isolated_stiffness(state.transfer);
   Timers& t = state.timers;
   stage_sort_ = t.stage("sort and migrate");
   stage_p2g_ = t.stage("P2G");
@@ -44,7 +46,7 @@ void ExplicitIntegrator<Dim>::initialise(State<Dim>& state) {
             speed2 += v * v;
             kinematic.speed_component = std::max(kinematic.speed_component, std::abs(v));
             Real row = 0;
-            for (int c = 0; c < Dim; ++c)
+            for (int c = 0; fields.has(core::velocity_gradient) && c < Dim; ++c)
               row += std::abs(fields.template data<T>(core::velocity_gradient, a * Dim + c)[p]);
             kinematic.gradient = std::max(kinematic.gradient, row);
           }
@@ -83,37 +85,71 @@ Real ExplicitIntegrator<Dim>::stable_step(const State<Dim>& state) {
 
 template <int Dim>
 template <class T>
+const TransferKernels<Dim, T>& ExplicitIntegrator<Dim>::kernels() const {
+  if constexpr (std::is_same_v<T, float>) return single_;
+  if constexpr (std::is_same_v<T, double>) return double_;
+}
+
+template <int Dim>
+template <class T>
 void ExplicitIntegrator<Dim>::transfer_to_grid(State<Dim>& state, bool boundary) {
-  const TransferGrid<Dim, T> grid{state.geometry(), state.topology(), state.fields.template data<T>(state.nodes)};
+  const TransferGrid<Dim, T> grid = state.template transfer_grid<T>();
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     const Body<Dim>& body = state.bodies[b];
     const std::vector<int>& ranges = boundary ? body.boundary : body.interior;
-    particle_to_grid<QuadraticKernel>(grid, body, ranges, MaterialStress<Dim, T>(state, b), state.dt);
+    kernels<T>().to_grid(grid, body, ranges, MaterialStress<Dim, T>(state, b), state.dt);
   }
 }
 
 template <int Dim>
 template <class T>
 void ExplicitIntegrator<Dim>::transfer_to_particles(State<Dim>& state, bool boundary) {
-  const TransferGrid<Dim, T> grid{state.geometry(), state.topology(), state.fields.template data<T>(state.nodes)};
+  const TransferGrid<Dim, T> grid = state.template transfer_grid<T>();
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     Body<Dim>& body = state.bodies[b];
     MaterialAdvance<Dim, T> sink(state, b);
-    grid_to_particle<QuadraticKernel>(grid, body, boundary ? body.boundary : body.interior, state.dt, sink);
+    kernels<T>().to_particles(grid, body, boundary ? body.boundary : body.interior, state.dt, sink);
   }
 }
 
 namespace {
 
-// Turns the owned nodes' momentum into velocity.
+template <int Dim>
+std::size_t owned_nodes(const State<Dim>& state) {
+  return static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+}
+
+// Turns the owned nodes' momentum into velocity; with increments the impulse of the forces joins it here, and the velocity
+// before them takes its place.
 template <class T, int Dim>
 void momentum_to_velocity(State<Dim>& state) {
   T* node = state.fields.template data<T>(state.nodes);
-  const std::size_t count = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+  const std::size_t count = owned_nodes(state);
   for (std::size_t i = 0; i < count; ++i, node += node_values) {
     const T inverse = node[Dim] > 0 ? 1 / node[Dim] : T(0);
     for (int a = 0; a < Dim; ++a) node[a] *= inverse;
   }
+  if (!state.transfer.increments()) return;
+  node = state.fields.template data<T>(state.nodes);
+  T* change = state.fields.template data<T>(state.changes);
+  for (std::size_t i = 0; i < count; ++i, node += node_values, change += node_values) {
+    const T inverse = node[Dim] > 0 ? 1 / node[Dim] : T(0);
+    for (int a = 0; a < Dim; ++a) {
+      const T before = node[a];
+      node[a] += inverse * change[a];
+      change[a] = before;
+    }
+  }
+}
+
+// The velocity before the forces becomes its change by all that acted on the nodes since.
+template <class T, int Dim>
+void find_changes(State<Dim>& state) {
+  const T* node = state.fields.template data<T>(state.nodes);
+  T* change = state.fields.template data<T>(state.changes);
+  const std::size_t count = owned_nodes(state);
+  for (std::size_t i = 0; i < count; ++i, node += node_values, change += node_values)
+    for (int a = 0; a < Dim; ++a) change[a] = node[a] - change[a];
 }
 
 }  // namespace
@@ -157,6 +193,10 @@ void ExplicitIntegrator<Dim>::step_in(State<Dim>& state) {
     momentum_to_velocity<T>(state);
   }
   run(hooks_.on_grid);
+  if (state.transfer.increments()) {
+    auto s = timers.scope(stage_grid_);
+    find_changes<T>(state);
+  }
   {
     auto s = timers.scope(stage_halo_fill_);
     state.halo().start_fill(state.fields, filled_);

@@ -26,7 +26,8 @@ void report_failed_particle(const State<Dim>& state) {
           finite = finite && std::isfinite(x) && std::isfinite(fields.template data<T>(core::velocity, a)[p]);
           for (int b = 0; b < Dim; ++b) {
             F(a, b) = fields.template data<T>(core::deformation_gradient, a * Dim + b)[p];
-            finite = finite && std::isfinite(fields.template data<T>(core::velocity_gradient, a * Dim + b)[p]);
+            if (fields.has(core::velocity_gradient))
+              finite = finite && std::isfinite(fields.template data<T>(core::velocity_gradient, a * Dim + b)[p]);
           }
         }
         const Real J = determinant(F);

@@ -11,9 +11,9 @@ StepSize stable_step_size(const StepLimits& limits, Real spacing, const StepSize
     if (dt < best.dt) best = {dt, name};
   };
   if (limits.signal_speed > 0) bound(options.cfl * spacing / limits.signal_speed, "wave speed");
-  // An isolated particle with APIC oscillates in its own cell: dt <= 2 h / sqrt(k lambda_max(A) / rho0).
+  // An isolated particle oscillates in its own cell: dt <= 2 h / sqrt(k lambda_max(A) / rho0).
   if (limits.stiffness_speed > 0)
-    bound(options.isolated_safety * 2 * spacing / (std::sqrt(options.inverse_inertia) * limits.stiffness_speed),
+    bound(options.isolated_safety * 2 * spacing / (std::sqrt(options.isolated_stiffness) * limits.stiffness_speed),
           "isolated particle");
   if (limits.kinematic.gradient > 0) bound(options.max_strain / limits.kinematic.gradient, "strain per step");
   if (limits.kinematic.acceleration > 0)

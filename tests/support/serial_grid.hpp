@@ -15,8 +15,9 @@ namespace mpm::test {
 
 // Sorts the body and activates every block around its particles.
 template <int Dim>
-BlockTopology<Dim> order_and_activate(Body<Dim>& body, const GridGeometry<Dim>& geometry, Precision precision) {
-  const auto occupied = order_particles(body, geometry, QuadraticKernel::shift, padding_width(precision),
+BlockTopology<Dim> order_and_activate(Body<Dim>& body, const GridGeometry<Dim>& geometry, Precision precision,
+                                      Real shift = QuadraticKernel::shift) {
+  const auto occupied = order_particles(body, geometry, shift, padding_width(precision),
                                         OrderWithinCell::stable);
   std::vector<BlockKey> active;
   for (BlockKey key : occupied)
@@ -40,6 +41,10 @@ std::vector<int> all_ranges(const Body<Dim>& body) {
   return numbers;
 }
 
+// The directions of each of the production kernels' products, as a set of bits.
+template <int Dim>
+inline constexpr int product_sets[4] = {3, 5, 6, 7};
+
 template <int Dim, class T>
 void write_particle(Body<Dim>& body, Index p, GlobalIndex id, const ReferenceParticle<Dim>& particle) {
   FieldSet& f = body.particles;
@@ -48,10 +53,15 @@ void write_particle(Body<Dim>& body, Index p, GlobalIndex id, const ReferencePar
     f.data<Real>(core::position, a)[p] = particle.x[a];
     f.data<T>(core::velocity, a)[p] = static_cast<T>(particle.v[a]);
     for (int b = 0; b < Dim; ++b) {
-      f.data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(particle.C(a, b));
+      if (f.has(core::velocity_gradient))
+        f.data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(particle.C(a, b));
       f.data<T>(core::deformation_gradient, a * Dim + b)[p] = static_cast<T>(particle.F(a, b));
     }
   }
+  if (body.velocity_modes != no_field)
+    for (int k = 0; k < product_modes<Dim>; ++k)
+      for (int a = 0; a < Dim; ++a)
+        f.data<T>(body.velocity_modes, k * Dim + a)[p] = static_cast<T>(particle.modes[product_sets<Dim>[k]][a]);
   f.data<T>(core::mass)[p] = static_cast<T>(particle.mass);
   f.data<T>(core::volume)[p] = static_cast<T>(particle.volume);
 }
@@ -64,10 +74,15 @@ ReferenceParticle<Dim> read_particle(const Body<Dim>& body, Index p) {
     particle.x[a] = f.data<Real>(core::position, a)[p];
     particle.v[a] = f.data<T>(core::velocity, a)[p];
     for (int b = 0; b < Dim; ++b) {
-      particle.C(a, b) = f.data<T>(core::velocity_gradient, a * Dim + b)[p];
+      particle.C(a, b) =
+          f.has(core::velocity_gradient) ? f.data<T>(core::velocity_gradient, a * Dim + b)[p] : Real(0);
       particle.F(a, b) = f.data<T>(core::deformation_gradient, a * Dim + b)[p];
     }
   }
+  if (body.velocity_modes != no_field)
+    for (int k = 0; k < product_modes<Dim>; ++k)
+      for (int a = 0; a < Dim; ++a)
+        particle.modes[product_sets<Dim>[k]][a] = f.data<T>(body.velocity_modes, k * Dim + a)[p];
   particle.mass = f.data<T>(core::mass)[p];
   particle.volume = f.data<T>(core::volume)[p];
   return particle;
@@ -89,6 +104,7 @@ std::vector<ReferenceParticle<Dim>> random_particles(const GridGeometry<Dim>& ge
       p.v[a] = both(random);
     }
     p.C = Mat<Dim>::NullaryExpr([&] { return both(random); });
+    for (Vec<Dim>& mode : p.modes) mode = Vec<Dim>::NullaryExpr([&] { return both(random); });
     p.F = Mat<Dim>::Identity() + 0.2 * Mat<Dim>::NullaryExpr([&] { return both(random); });
     p.tau = Mat<Dim>::NullaryExpr([&] { return both(random); });
     p.tau = (0.5 * (p.tau + p.tau.transpose())).eval();
@@ -99,8 +115,14 @@ std::vector<ReferenceParticle<Dim>> random_particles(const GridGeometry<Dim>& ge
 }
 
 template <int Dim, class T>
-Body<Dim> make_body(const std::vector<ReferenceParticle<Dim>>& particles, Precision precision) {
-  Body<Dim> body("test", 0, precision);
+Body<Dim> make_body(const std::vector<ReferenceParticle<Dim>>& particles, Precision precision,
+                    Scheme scheme = Scheme::apic) {
+  Body<Dim> body("test", 0, precision, {.velocity_gradient = scheme != Scheme::pic && scheme != Scheme::flip});
+  if (scheme == Scheme::polypic)
+    body.velocity_modes = body.particles.add({.name = "velocity_modes",
+                                              .units = "m/s",
+                                              .type = real_type(precision),
+                                              .components = product_modes<Dim> * Dim});
   body.particles.resize(static_cast<Index>(particles.size()));
   for (std::size_t p = 0; p < particles.size(); ++p)
     write_particle<Dim, T>(body, static_cast<Index>(p), static_cast<GlobalIndex>(p), particles[p]);

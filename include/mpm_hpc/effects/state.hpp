@@ -11,7 +11,7 @@
 #include "mpm_hpc/fields/grid_fields.hpp"
 #include "mpm_hpc/materials/material_update.hpp"
 #include "mpm_hpc/parallel/distribution.hpp"
-#include "mpm_hpc/transfer/grid_to_particle.hpp"
+#include "mpm_hpc/transfer/transfer_kernels.hpp"
 
 namespace mpm {
 
@@ -55,6 +55,9 @@ struct State {
   Distribution<Dim> distribution;        // communicator, geometry, topology, halo
   GridFields fields;
   FieldId nodes = no_field;  // the core grid field: momentum, then velocity; mass
+  TransferOptions transfer;
+  // With increments: the forces' impulse, then the velocity before them, then the change since; else there is none.
+  FieldId changes = no_field;
 
   Real time = 0, dt = 0;  // [s]; of the step under way
   std::int64_t step = 0;
@@ -77,6 +80,11 @@ struct State {
   Halo<Dim>& halo() { return distribution.halo(); }
   const Material<Dim>& material_of(std::size_t body) const { return *materials[bodies[body].material]; }
 
+  template <class T>
+  TransferGrid<Dim, T> transfer_grid() const {
+    return {geometry(), topology(), fields.template data<T>(nodes),
+            changes == no_field ? nullptr : fields.template data<T>(changes), transfer.flip_blend};
+  }
   // (velocity, mass) of node 0 of a slot.
   template <class T>
   T* node_values_of(Slot slot) const {

@@ -30,6 +30,11 @@ struct BlockRange {
   Index begin, end;
 };
 
+// Which of the columns that not every body needs it has; the others have no components and no bytes.
+struct BodyColumns {
+  bool velocity_gradient = true;
+};
+
 template <int Dim>
 struct Body {
   std::string name;
@@ -39,7 +44,9 @@ struct Body {
   // Numbers of the ranges whose stencils reach ghosts, and of those that don't.
   std::vector<int> boundary, interior;
 
-  Body(std::string body_name, int material_number, Precision precision);
+  FieldId velocity_modes = no_field;  // of the PolyPIC transfer [m/s]
+
+  Body(std::string body_name, int material_number, Precision precision, const BodyColumns& columns = {});
 
   bool is_padding(Index p) const { return particles.template data<GlobalIndex>(core::id)[p] < 0; }
   Index real_particles() const;

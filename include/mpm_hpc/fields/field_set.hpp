@@ -36,7 +36,7 @@ struct FieldTraits {
   std::string name;
   std::string units;  // "1" for pure numbers
   ScalarType type = ScalarType::float64;
-  int components = 1;      // stored component by component: component c of particle p is data(c)[p]
+  int components = 1;      // 0: nothing is stored; stored component by component: component c of particle p is data(c)[p]
   bool in_output = false;  // written to frames unless the scene chooses its own list
   Real initial = 0;        // value of the diagonal components (or all, when not square) of a new particle
   bool identity = false;   // the initial value is the unit tensor
@@ -46,7 +46,9 @@ struct FieldTraits {
 class FieldSet {
  public:
   FieldId add(const FieldTraits& traits);
-  FieldId find(std::string_view name) const;  // no_field when absent
+  FieldId find(std::string_view name) const;  // no_field when absent or empty
+  // Whether the column holds anything.
+  bool has(FieldId f) const { return columns_[f].traits.components > 0; }
 
   int count() const { return static_cast<int>(columns_.size()); }
   const FieldTraits& traits(FieldId f) const { return columns_[f].traits; }

@@ -7,14 +7,24 @@
 
 namespace mpm {
 
+enum class KernelKind { linear, quadratic, cubic };
+
 // fx is the distance of the particle from the first node of its stencil, in grid spacings; that node is
-// floor(xi - shift). inverse_inertia is h^2 D_p^-1, where D_p = sum_i w_ip (x_i - x_p)(x_i - x_p)^T is isotropic.
+// floor(xi - shift). inverse_inertia is h^2 D_p^-1, where D_p = sum_i w_ip (x_i - x_p)(x_i - x_p)^T is isotropic; inertia
+// is its diagonal over h^2 in one direction, for any place. gradient_stiffness is the largest sum_i (h w_i')^2 / w_i over
+// all places: what inverse_inertia is to MLS forces, it is to those of grad w (the linear kernel has no bound next to a
+// node; 4 is its value in the middle of a cell).
 struct LinearKernel {
   static constexpr const char* name = "linear";
   static constexpr int support = 2;
   static constexpr double shift = 0;
   static constexpr bool has_inertia = false;  // D_p depends on the position and vanishes on nodes
+  static constexpr double gradient_stiffness = 4;
 
+  template <class S>
+  static S inertia(const S& fx) {
+    return fx * (broadcast<S>(1.0) - fx);
+  }
   template <class S>
   static void weights(const S& fx, S* w) {
     w[0] = broadcast<S>(1.0) - fx;
@@ -34,7 +44,12 @@ struct QuadraticKernel {
   static constexpr double shift = 0.5;
   static constexpr bool has_inertia = true;
   static constexpr double inverse_inertia = 4;
+  static constexpr double gradient_stiffness = 6;
 
+  template <class S>
+  static S inertia(const S&) {
+    return broadcast<S>(1 / inverse_inertia);
+  }
   template <class S>
   static void weights(const S& fx, S* w) {
     const S a = broadcast<S>(1.5) - fx, b = fx - broadcast<S>(1.0), c = fx - broadcast<S>(0.5);
@@ -62,7 +77,12 @@ struct CubicKernel {
   static constexpr double shift = 1;
   static constexpr bool has_inertia = true;
   static constexpr double inverse_inertia = 3;
+  static constexpr double gradient_stiffness = 3.2;
 
+  template <class S>
+  static S inertia(const S&) {
+    return broadcast<S>(1 / inverse_inertia);
+  }
   template <class S>
   static void weights(const S& fx, S* w) {
     const S one = broadcast<S>(1.0), two = broadcast<S>(2.0), sixth = broadcast<S>(1.0 / 6);
@@ -82,5 +102,15 @@ struct CubicKernel {
     g[3] = half * b * b;
   }
 };
+
+// f(LinearKernel()), f(QuadraticKernel()) or f(CubicKernel()).
+template <class F>
+decltype(auto) with_kernel(KernelKind kind, F&& f) {
+  switch (kind) {
+    case KernelKind::linear: return f(LinearKernel());
+    case KernelKind::cubic: return f(CubicKernel());
+    default: return f(QuadraticKernel());
+  }
+}
 
 }  // namespace mpm

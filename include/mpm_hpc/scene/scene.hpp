@@ -50,6 +50,7 @@ struct Scene {
   std::uint64_t seed = 1;
   Vec<Dim> lower = Vec<Dim>::Zero(), upper = Vec<Dim>::Ones();
   Real spacing = 0;
+  TransferOptions transfer;
   DistributionOptions distribution;
   TimeOptions time;
   OutputOptions output;

@@ -21,6 +21,8 @@ class ExplicitIntegrator final : public Integrator<Dim> {
   Real busy_seconds(const State<Dim>& state) const;
   void reduce_limits(State<Dim>& state);
   template <class T>
+  const TransferKernels<Dim, T>& kernels() const;
+  template <class T>
   void step_in(State<Dim>& state);
   template <class T>
   void transfer_to_grid(State<Dim>& state, bool boundary);
@@ -29,6 +31,8 @@ class ExplicitIntegrator final : public Integrator<Dim> {
 
   StepHooks<Dim> hooks_;
   StepSizeOptions options_;
+  TransferKernels<Dim, float> single_;
+  TransferKernels<Dim, double> double_;
   std::vector<FieldId> summed_, filled_;  // grid fields in the one message of each halo exchange
   const char* bound_by_ = "nothing";
   int stage_p2g_, stage_halo_sum_, stage_grid_, stage_halo_fill_, stage_g2p_, stage_effects_, stage_limits_,

@@ -10,7 +10,7 @@ struct StepSizeOptions {
   Real isolated_safety = 0.8;  // share of the bound of an isolated particle
   Real max_strain = 0.2;       // |dt C|, which keeps det(I + dt C) >= 0.5
   Real acceleration = 0.2;     // dt <= sqrt(acceleration h / |a|)
-  Real inverse_inertia = 4;    // k of D_p^-1 = k / h^2
+  Real isolated_stiffness = 4; // k of the isolated particle's bound (transfer_form.hpp)
 };
 
 struct StepSize {

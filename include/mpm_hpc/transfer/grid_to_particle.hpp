@@ -29,9 +29,10 @@ class UpdateSink {
   virtual void updated(Index begin, Index end, const KinematicLimits& limits, const T* const* gradient) = 0;
 };
 
-// For each particle of the given ranges: v_p = sum_i w_ip v_i, C_p = D_p^-1 sum_i w_ip v_i (x_i - x_p)^T,
-// x_p <- x_p + dt v_p (physics.md section 1). What C_p does to the deformation is the sink's.
-template <class Kernel, int Dim, class T>
+// For each particle of the given ranges what the form says (transfer_form.hpp; physics.md section 1): for APIC and MLS
+// v_p = sum_i w_ip v_i, C_p = D_p^-1 sum_i w_ip v_i (x_i - x_p)^T. In all of them x_p <- x_p + dt sum_i w_ip v_i. What the
+// gradient does to the deformation is the sink's.
+template <class Kernel, class Form = ApicMls, int Dim, class T>
 void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const std::vector<int>& ranges, Real dt,
                       UpdateSink<Dim, T>& sink);
 

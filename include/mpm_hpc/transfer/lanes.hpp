@@ -3,8 +3,8 @@
 
 #include "mpm_hpc/fields/body.hpp"
 #include "mpm_hpc/fields/grid_geometry.hpp"
-#include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/transfer/tile.hpp"
+#include "mpm_hpc/transfer/transfer_form.hpp"
 
 namespace mpm {
 
@@ -14,9 +14,32 @@ template <class T>
 struct alignas(64) RowParticle {
   T q[4];        // values at the stencil's second node: momentum (or velocity), mass
   T a[3][4];     // their slope per node in each direction
-  T w[3][4];     // weights by direction; the fourth is 0 for the quadratic kernel
+  T w[3][4];     // weights by direction; 0 behind the kernel's support
   int tile_node; // first node of the stencil in the tile
 };
+
+// What forms of the transfer add to it.
+template <class T>
+struct RowGradients {
+  T g[3][4];  // derivatives of the weights by direction
+  T f[4][4];  // P2G: what they are multiplied by, by direction; G2P: the sums, and last the values
+};
+template <class T>
+struct RowProducts {
+  T products[4][4];  // of the slopes: (n_x - 1) (n_y - 1) and so on, in the order of product_modes
+};
+template <class T>
+struct RowIncrements {
+  T carried[4];  // P2G: momentum and mass, apart from the forces; G2P: change of velocity
+};
+template <int>
+struct Without {};
+
+template <class Form, class T>
+struct alignas(64) FormParticle : RowParticle<T>,
+                                  std::conditional_t<Form::classical, RowGradients<T>, Without<0>>,
+                                  std::conditional_t<Form::modes, RowProducts<T>, Without<1>>,
+                                  std::conditional_t<Form::increments, RowIncrements<T>, Without<2>> {};
 
 // Numbers from one particle's row to the next.
 template <class RowOfParticle, class T>
@@ -64,6 +87,20 @@ struct LanePlace {
     }
     store(node, tile_node());
     for (int l = 0; l < W; ++l) rows[l].tile_node = static_cast<int>(node[l]);
+  }
+
+  // The weights' derivatives per node; RowOfParticle has g[direction][4].
+  template <class RowOfParticle>
+  void write_gradients(RowOfParticle* rows) const {
+    constexpr int W = PackTraits<S>::width;
+    for (int a = 0; a < Dim; ++a) {
+      alignas(64) T derivative[4][W] = {};
+      S g[Kernel::support];
+      Kernel::gradients(S(static_cast<T>(1) - centre[a]), g);
+      for (int n = 0; n < Kernel::support; ++n) store(derivative[n], g[n]);
+      packs_to_quads<T, W>(derivative[0], derivative[1], derivative[2], derivative[3], rows[0].g[a],
+                           row_stride<RowOfParticle, T>);
+    }
   }
 
   // More than 0 in the lanes whose stencil ends outside the tile, or that are nowhere; 0 in the others. To be summed over a

@@ -16,7 +16,7 @@ struct Tile {
   static constexpr int side = block_side + Kernel::support + 1;
   static constexpr int rows = Dim == 2 ? side : side * side;
   static constexpr int nodes = rows * side;
-  static_assert(side <= 2 * block_side, "a row spans three blocks with at most three nodes of the upper one");
+  static_assert(side <= 2 * block_side + 1, "a row spans three blocks");
 
   // Rows are read four nodes at a time, so the last one needs room behind it.
   alignas(64) T data[(nodes + row_nodes) * Values];

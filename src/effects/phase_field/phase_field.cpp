@@ -88,6 +88,8 @@ std::string PhaseField<Dim>::explain() const {
 
 template <int Dim>
 void PhaseField<Dim>::declare_fields(State<Dim>& state) {
+  require(state.transfer.kernel == KernelKind::quadratic,
+          "{}: the phase field is solved on the quadratic kernel only; set grid.kernel = \"quadratic\"", where_);
   const Real spacing = state.geometry().spacing();
   const std::string preconditioner = LinearSolver::preconditioner_of_entries(PhaseSystem<Dim>::options_prefix);
   if (operator_ == "auto") operator_ = !preconditioner.empty() ? "assembled" : mobility_ ? "matrix_free" : "stencil";

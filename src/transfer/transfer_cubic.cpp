@@ -1,0 +1,10 @@
+#include "transfer_kernels_impl.hpp"
+
+namespace mpm {
+
+template TransferKernels<2, float> kernels_of<CubicKernel>(const TransferOptions&);
+template TransferKernels<2, double> kernels_of<CubicKernel>(const TransferOptions&);
+template TransferKernels<3, float> kernels_of<CubicKernel>(const TransferOptions&);
+template TransferKernels<3, double> kernels_of<CubicKernel>(const TransferOptions&);
+
+}  // namespace mpm
