@@ -16,7 +16,11 @@ struct ReferenceParticle {
   Mat<Dim> C, F, tau;  // velocity gradient, deformation gradient, Kirchhoff stress
   Real mass = 0, volume = 0;
   // PolyPIC: v of the mode prod_{a in set} (x_i - x_p)_a / h for each set of two or more directions (bit a: direction a).
-  Vec<Dim> modes[1 << Dim] = {};
+  Vec<Dim> modes[1 << Dim];
+
+  ReferenceParticle() {
+    for (Vec<Dim>& mode : modes) mode.setZero();
+  }
 };
 
 // Nodes of a box of the grid; node n has its momentum (then velocity) and mass.
