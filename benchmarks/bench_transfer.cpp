@@ -8,10 +8,12 @@ using namespace mpm;
 
 constexpr int rounds = 7;
 
-// The kernels that are measured: a further one joins here.
+// The kernels that are measured, with APIC and the forces that each of them has; bench_schemes measures the other transfers.
 template <class... K>
 struct KernelList {};
-using Kernels = KernelList<QuadraticKernel>;
+using Kernels = KernelList<LinearKernel, QuadraticKernel, CubicKernel>;
+template <class Kernel>
+using FormOf = TransferForm<Scheme::apic, Kernel::has_inertia ? Forces::mls : Forces::classical>;
 
 // Operations of Kernel::weights.
 template <class Kernel>
@@ -23,8 +25,8 @@ constexpr int weight_flops<QuadraticKernel> = 9;
 template <>
 constexpr int weight_flops<CubicKernel> = 22;
 
-// Operations per particle, counted from the row formulas of particle_to_grid.cpp and grid_to_particle.cpp; a multiply-add
-// is two. S nodes of support, V values of a row that matter, N = sum_i |i - 1| additions of whole multiples of a slope over
+// Operations per particle, counted from the row formulas of particle_to_grid_impl.hpp and grid_to_particle_impl.hpp for MLS
+// forces; a multiply-add is two. S nodes of support, V values of a row that matter, N = sum_i |i - 1| additions of whole multiples of a slope over
 // the S nodes of a direction. A row is S nodes times d + 1 values (momentum and mass) in P2G, times d (velocity) in G2P.
 template <class Kernel, int Dim>
 struct Flops {
@@ -39,16 +41,20 @@ struct Flops {
   // in 3D per row plane + (j - 1) tilt, times w_j onto the tile.
   static constexpr int to_grid() {
     constexpr int V = S * (d + 1), lanes = place + 2 + d + 5 * d * d;
-    if (d == 2) return lanes + 3 * V + V + N * V + S * 2 * V;
-    return lanes + 3 * V + 2 * V + N * V + S * 2 * V + S * (N * V + S * 2 * V);
+    if (d == 2) return lanes + 3 * V + V + N * V + S * 2 * V + derivatives;
+    return lanes + 3 * V + 2 * V + N * V + S * 2 * V + S * (N * V + S * 2 * V) + derivatives;
   }
 
+  // Without MLS the rows take the derivatives (2 per direction and node, times 1 / h) in place of the slopes' own multiples:
+  // one multiply-add more per value of a row.
+  static constexpr int derivatives = Kernel::has_inertia ? 0 : (d == 2 ? S : S * S) * 2 * S * d + 3 * S * d;
+
   // Rows mirror P2G; then V d (S - 1) sums over a row's nodes of the d + 1 results. Update: x (2), |v|^2 (2), jump (3) per
-  // direction; per entry C (3), row sum (1), C F (2 d - 1), F + dt C F (2).
+  // direction; per entry C (3), row sum (1).
   static constexpr int to_particles() {
-    constexpr int V = S * d, sums = (S - 1) * d * (d + 1), update = 7 * d + d * d * (2 * d + 5);
-    if (d == 2) return place + S * 2 * V + N * V + 3 * V + sums + update;
-    return place + S * (S * 2 * V + N * V + 4 * V) + N * V + 4 * V + sums + update;
+    constexpr int V = S * d, sums = (S - 1) * d * (d + 1), update = 7 * d + d * d * 4;
+    if (d == 2) return place + S * 2 * V + N * V + 3 * V + sums + update + derivatives;
+    return place + S * (S * 2 * V + N * V + 4 * V) + N * V + 4 * V + sums + update + derivatives;
   }
 };
 
@@ -68,14 +74,13 @@ const char* name_of(Transfer transfer) {
 
 // Columns in and out, and the nodes: cleared, read and written by P2G, read by G2P.
 template <class Kernel, int Dim, class T>
-Work work_of(Transfer transfer, const TransferBlock<Kernel, Dim, T>& block) {
+Work work_of(Transfer transfer, const TransferBlock<Kernel, FormOf<Kernel>, Dim, T>& block) {
   const FieldSet& f = block.columns();
-  const double moved =
-      column_bytes(f, {core::position, core::velocity, core::velocity_gradient, core::deformation_gradient});
+  const double moved = column_bytes(f, {core::position, core::velocity, core::velocity_gradient});
   switch (transfer) {
     case Transfer::to_grid:
       return {
-          moved + column_bytes(f, {core::mass, core::volume}) + node_bytes<T>(block.state(), node_values, 3),
+          moved + column_bytes(f, {core::deformation_gradient, core::mass, core::volume}) + node_bytes<T>(block.state(), node_values, 3),
           Flops<Kernel, Dim>::to_grid()};
     case Transfer::to_particles:
       return {2 * moved + node_bytes<T>(block.state(), node_values, 1), Flops<Kernel, Dim>::to_particles()};
@@ -88,7 +93,7 @@ Work work_of(Transfer transfer, const TransferBlock<Kernel, Dim, T>& block) {
 
 template <class Kernel, int Dim, class T>
 void bench_transfer(benchmark::State& bench, const Communicator& communicator, Transfer transfer, int cells) {
-  TransferBlock<Kernel, Dim, T> block(communicator, cells);
+  TransferBlock<Kernel, FormOf<Kernel>, Dim, T> block(communicator, cells);
   const Work work = work_of(transfer, block);
   const auto in_turns = [&](int repeats, auto production, auto reference) {
     for (auto unused : bench) {

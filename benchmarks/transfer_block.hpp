@@ -29,7 +29,7 @@ class StandInStress final : public StressSource<Dim, T> {
   const T* F_[Dim * Dim];
 };
 
-template <class Kernel, int Dim, class T>
+template <class Kernel, class Form, int Dim, class T>
 class TransferBlock {
  public:
   static constexpr Precision precision =
@@ -68,12 +68,12 @@ class TransferBlock {
     Body<Dim>& body = state_.bodies[0];
     const StandInStress<Dim, T> stress(body.particles);
     for (const auto* ranges : {&body.boundary, &body.interior})
-      particle_to_grid<Kernel>(transfer_grid(), body, *ranges, stress, dt);
+      particle_to_grid<Kernel, Form>(transfer_grid(), body, *ranges, stress, dt);
   }
   void to_particles() {
     Body<Dim>& body = state_.bodies[0];
     for (const auto* ranges : {&body.boundary, &body.interior})
-      grid_to_particle<Kernel>(transfer_grid(), body, *ranges, dt, sink_);
+      grid_to_particle<Kernel, Form>(transfer_grid(), body, *ranges, dt, sink_);
   }
   // As between two sorts, there and back in turns.
   void drift_and_sort() {
@@ -84,9 +84,9 @@ class TransferBlock {
 
   void reference_to_grid() {
     grid_->clear();
-    reference_particle_to_grid<Kernel>(geometry_, particles_, dt, *grid_);
+    reference_particle_to_grid<Kernel, Form>(geometry_, particles_, dt, *grid_);
   }
-  void reference_to_particles() { reference_grid_to_particle<Kernel>(geometry_, *grid_, dt, particles_); }
+  void reference_to_particles() { reference_grid_to_particle<Kernel, Form>(geometry_, *grid_, dt, particles_); }
   // The particles, moved like production's, by the number of their cell.
   void reference_drift_and_sort() {
     std::vector<std::pair<std::size_t, std::size_t>> order(particles_.size());

@@ -15,6 +15,12 @@ int read_dimension(Parameters& p) {
 
 namespace {
 
+// The enumerator whose name is in this place of the list.
+template <class Enumeration>
+Enumeration number_of(const std::vector<std::string>& names, const std::string& name) {
+  return static_cast<Enumeration>(std::find(names.begin(), names.end(), name) - names.begin());
+}
+
 template <int Dim>
 void read_domain(Parameters& p, Scene<Dim>& scene) {
   p.section("domain", SectionOptions("The box that holds every particle.", true), [&](Parameters& q) {
@@ -32,11 +38,9 @@ void read_domain(Parameters& p, Scene<Dim>& scene) {
   p.section("grid", SectionOptions("The background grid.", true), [&](Parameters& q) {
     q.real("spacing", scene.spacing,
            {.unit = "m", .min = 0, .min_exclusive = true, .required = true, .doc = "Edge h of a grid cell."});
-    std::string kernel = "quadratic";
-    q.choice("kernel", kernel, {"linear", "quadratic", "cubic"}, "B-spline of the transfer.");
-    scene.transfer.kernel = kernel == "linear"  ? KernelKind::linear
-                            : kernel == "cubic" ? KernelKind::cubic
-                                                : KernelKind::quadratic;
+    std::string kernel = scene.transfer.kernel_name();
+    q.choice("kernel", kernel, kernel_names, "B-spline of the transfer.");
+    scene.transfer.kernel = number_of<KernelKind>(kernel_names, kernel);
     if (q.describing()) return;
     for (int a = 0; a < Dim; ++a) {
       const Real blocks = (scene.upper[a] - scene.lower[a]) / scene.spacing / block_side;
@@ -50,15 +54,11 @@ void read_domain(Parameters& p, Scene<Dim>& scene) {
 
 void read_transfer(Parameters& p, TransferOptions& options) {
   p.section("transfer", SectionOptions("What passes between particles and grid."), [&](Parameters& q) {
-    std::string scheme = "apic", forces = "auto";
-    q.choice("scheme", scheme, {"pic", "rpic", "flip", "apic", "polypic"},
+    std::string scheme = options.scheme_name(), forces = "auto";
+    q.choice("scheme", scheme, scheme_names,
              "What particles keep of the grid's velocity: its mean (pic), its rotation too (rpic), its gradient (apic), its "
              "products of directions (polypic), or their own velocity plus the grid's change (flip).");
-    options.scheme = scheme == "pic"    ? Scheme::pic
-                     : scheme == "rpic" ? Scheme::rpic
-                     : scheme == "flip" ? Scheme::flip
-                     : scheme == "apic" ? Scheme::apic
-                                        : Scheme::polypic;
+    options.scheme = number_of<Scheme>(scheme_names, scheme);
     q.choice("forces", forces, {"auto", "mls", "classical"},
              "Forces and velocity gradient by moving least squares, or by the weights' gradients; auto: mls, which the linear "
              "kernel has not.");

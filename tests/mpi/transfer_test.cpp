@@ -110,9 +110,8 @@ void plain_step(const GridGeometry<Dim>& geometry, std::vector<ReferenceParticle
 
 template <class Kernel, Scheme scheme, Forces forces, int Dim>
 void check() {
-  const char* schemes[] = {"pic", "rpic", "flip", "apic", "polypic"};
-  const Names names{Kernel::name, schemes[static_cast<int>(scheme)], forces == Forces::mls ? "mls" : "classical",
-                    youngs_modulus<Kernel>};
+  const TransferOptions options{.scheme = scheme, .forces = forces};
+  const Names names{Kernel::name, options.scheme_name().c_str(), options.forces_name().c_str(), youngs_modulus<Kernel>};
   test::SceneWorld<Dim> world(scene_text<Dim>(names));
   State<Dim>& state = world.state;
   auto start = gather(world);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "mpm_hpc/base/types.hpp"
 #include "mpm_hpc/math/bspline.hpp"
@@ -23,12 +24,20 @@ enum class Forces {
   classical  // f_i = -sum_p V0_p tau_p grad w_ip, grad v_p = sum_i v_i grad w_ip^T
 };
 
+// Their names in scenes, in the order of the enumerations.
+inline const std::vector<std::string> kernel_names = {"linear", "quadratic", "cubic"};
+inline const std::vector<std::string> scheme_names = {"pic", "rpic", "flip", "apic", "polypic"};
+inline const std::vector<std::string> forces_names = {"mls", "classical"};
+
 struct TransferOptions {
   KernelKind kernel = KernelKind::quadratic;
   Scheme scheme = Scheme::apic;
   Forces forces = Forces::mls;
   Real flip_blend = 0.99;  // a of v_p = a (v_p + sum_i w_ip (v_i - v_i^old)) + (1 - a) sum_i w_ip v_i
 
+  const std::string& kernel_name() const { return kernel_names[static_cast<int>(kernel)]; }
+  const std::string& scheme_name() const { return scheme_names[static_cast<int>(scheme)]; }
+  const std::string& forces_name() const { return forces_names[static_cast<int>(forces)]; }
   // Whether particles carry a velocity gradient from step to step.
   bool affine() const { return scheme == Scheme::apic || scheme == Scheme::rpic || scheme == Scheme::polypic; }
   // Whether the grid keeps the change of its velocities.

@@ -119,10 +119,7 @@ std::vector<TransferOptions> all_transfers() {
 }
 
 std::string name_of(const TransferOptions& o) {
-  const char* kernels[] = {"linear", "quadratic", "cubic"};
-  const char* schemes[] = {"PIC", "RPIC", "FLIP", "APIC", "PolyPIC"};
-  return std::string(kernels[static_cast<int>(o.kernel)]) + " " + schemes[static_cast<int>(o.scheme)] +
-         (o.forces == Forces::mls ? " MLS" : " classical");
+  return o.kernel_name() + " " + o.scheme_name() + " " + o.forces_name();
 }
 
 // Particles in a rotation with some strain, on nodes, faces and between.
