@@ -238,6 +238,22 @@ void Distribution<Dim>::send_and_receive(std::vector<Body<Dim>>& bodies, std::ve
   }
 }
 
+namespace {
+
+constexpr Real least_gain = 0.02;  // in max/mean weight
+
+}  // namespace
+
+template <int Dim>
+bool Distribution<Dim>::wants_partition(OrderWithinCell within) {
+  constexpr int patience = 10;
+  if (within == OrderWithinCell::canonical) settled_ = 0;  // a checkpoint doesn't carry it, so a run that goes on forgets it too
+  if (settled_ == 0) sorts_since_partition_ = 0;
+  ++sorts_since_partition_;
+  return imbalance_ > options_.rebalance_threshold &&
+         (sorts_since_partition_ > patience || imbalance_ > settled_ + least_gain);
+}
+
 template <int Dim>
 void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within,
                                      Real seconds) {
@@ -253,13 +269,17 @@ void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields&
   }
   auto local = weights(bodies, factor);
   imbalance_ = decomposition_.imbalance(communicator_, local);
-  // A new partition must win 2 % at least, or particles would be sent back and forth for nothing.
-  if (communicator_.size() > 1 && imbalance_ > options_.rebalance_threshold &&
-      decomposition_.partition(communicator_, local, 0.02)) {
-    ++rebalances_;
-    migrate(bodies);
-    local = weights(bodies, factor);
-    imbalance_ = decomposition_.imbalance(communicator_, local);
+  if (communicator_.size() > 1 && wants_partition(within)) {
+    // A new partition must win 2 % at least, or particles would be sent back and forth for nothing.
+    ++partitions_;
+    if (decomposition_.partition(communicator_, local, least_gain)) {
+      ++rebalances_;
+      migrate(bodies);
+      local = weights(bodies, factor);
+      imbalance_ = decomposition_.imbalance(communicator_, local);
+    }
+    settled_ = imbalance_;
+    sorts_since_partition_ = 0;
   }
 
   std::vector<std::vector<BlockKey>> keys;

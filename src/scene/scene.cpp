@@ -116,7 +116,7 @@ void read_output(Parameters& p, OutputOptions& output) {
 void read_parallel(Parameters& p, DistributionOptions& options) {
   p.section("parallel", SectionOptions("Distribution over the ranks."), [&](Parameters& q) {
     q.real("rebalance_threshold", options.rebalance_threshold,
-           {.min = 1, .doc = "Largest over mean load of a rank past which the blocks are partitioned anew."});
+           {.min = 1, .doc = "Largest over mean load of a rank past which the blocks are partitioned anew, if that wins 2 %."});
     std::string partitioner = "auto";
     q.choice("partitioner", partitioner, {"auto", "bisection", "metis"},
              "Who divides the blocks among the ranks: bisection across the longest side of what is left, METIS, or auto: METIS "

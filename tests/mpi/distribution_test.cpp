@@ -43,8 +43,7 @@ class Distributed : public testing::Test {
       std::is_same_v<T, float> ? Precision::single_precision : Precision::double_precision;
   static constexpr Real h = 0.1;
 
-  void start(int count, const V& lower = V::Zero(), const V& upper = V::Ones()) {
-    DistributionOptions options;
+  void start(int count, const V& lower = V::Zero(), const V& upper = V::Ones(), DistributionOptions options = {}) {
     options.precision = precision;
     distribution = Distribution<Dim>(world(), {V::Zero(), V::Ones() * (Dim == 2 ? 3.2 : 1.6), h}, options);
     fields = GridFields(precision);
@@ -357,7 +356,7 @@ TYPED_TEST(Distributed, ARankMayOwnNothing) {
 TYPED_TEST(Distributed, RebalancesWhenTheLoadMoves) {
   constexpr int Dim = TestFixture::Dim;
   const Real edge = Dim == 2 ? 3.2 : 1.6;
-  this->start(Dim == 2 ? 8000 : 12000, Vec<Dim>::Zero(), Vec<Dim>::Constant(edge));
+  this->start(Dim == 2 ? 8000 : 12000, Vec<Dim>::Zero(), Vec<Dim>::Constant(edge), {.rebalance_threshold = 1.1});
   this->redistribute();
   const Real threshold = this->distribution.options().rebalance_threshold;
   Real worst = this->distribution.imbalance();
@@ -381,6 +380,18 @@ TYPED_TEST(Distributed, RebalancesWhenTheLoadMoves) {
                 test::size(), worst, this->distribution.rebalances(), threshold);
   EXPECT_LT(worst, threshold);
   EXPECT_EQ(this->distribution.rebalances() > 0, test::size() > 1);
+}
+
+// One block can't be divided: it is tried once, and again after each ten sorts, not at every one.
+TYPED_TEST(Distributed, GivesUpOnWhatCannotBeBalanced) {
+  constexpr int Dim = TestFixture::Dim;
+  this->start(20, Vec<Dim>::Constant(0.5), Vec<Dim>::Constant(0.6));
+  for (int sort = 0; sort < 25; ++sort)
+    this->distribution.redistribute(this->bodies, this->fields, OrderWithinCell::stable);
+  EXPECT_EQ(this->distribution.partitions(), test::size() > 1 ? 3 : 0);
+  // After a checkpoint it goes on as a restarted run would.
+  this->distribution.redistribute(this->bodies, this->fields, OrderWithinCell::canonical);
+  EXPECT_EQ(this->distribution.partitions(), test::size() > 1 ? 4 : 0);
 }
 
 TYPED_TEST(Distributed, RunsTwiceAlike) {

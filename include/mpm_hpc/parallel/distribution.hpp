@@ -17,7 +17,7 @@ enum class LeavePolicy {
 };
 
 struct DistributionOptions {
-  Real rebalance_threshold = 1.1;  // of max/mean weight
+  Real rebalance_threshold = 1.03;  // of max/mean weight
   Partitioner partitioner = Partitioner::automatic;
   bool weigh_by_time = false;      // scale weights with the measured compute time (not reproducible)
   LeavePolicy leave_policy = LeavePolicy::stop;
@@ -60,6 +60,8 @@ class Distribution {
   GlobalIndex migrated() const { return migrated_; }
   int sorts() const { return sorts_; }
   int rebalances() const { return rebalances_; }
+  // Attempts at a new partition, of which not every one was an improvement.
+  int partitions() const { return partitions_; }
 
  private:
   typename Decomposition<Dim>::Weights weights(const std::vector<Body<Dim>>& bodies, Real factor) const;
@@ -74,6 +76,8 @@ class Distribution {
       return sum;
     }
   };
+  // Whether the imbalance asks for a new partition, and there is hope for a better one.
+  bool wants_partition(OrderWithinCell within);
   std::vector<Leaving> find_leaving(const std::vector<Body<Dim>>& bodies) const;
   // Sends particles to their owners, so that few of them exist twice at a time.
   void migrate(std::vector<Body<Dim>>& bodies);
@@ -91,7 +95,10 @@ class Distribution {
   bool needs_row_halo_ = false;
   Real imbalance_ = 1;
   GlobalIndex removed_ = 0, kept_ = 0, migrated_ = 0;
-  int sorts_ = 0, rebalances_ = 0;
+  int sorts_ = 0, partitions_ = 0, rebalances_ = 0;
+  // What the last partition left, and how many sorts ago: what can't be balanced isn't tried again at every sort.
+  Real settled_ = 0;
+  int sorts_since_partition_ = 0;
 };
 
 }  // namespace mpm
