@@ -242,10 +242,13 @@ std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<
                         state.material_of(b).name(), state.material_of(b).model(), body.particles.bytes_per_particle());
     for (FieldId f = 0; f < body.particles.count(); ++f) {
       const FieldTraits& t = body.particles.traits(f);
-      text += fmt::format(" {}[{}]", t.name, t.components);
+      if (body.particles.has(f)) text += fmt::format(" {}[{}]", t.name, t.components);
     }
     text += "\n";
   }
+  text += fmt::format("transfer: {} kernel, {}{}, {} forces\n", state.transfer.kernel_name(), state.transfer.scheme_name(),
+                      state.transfer.increments() ? fmt::format(" with a share of {}", state.transfer.flip_blend) : "",
+                      state.transfer.forces_name());
   const int width = state.precision == Precision::double_precision ? 8 : 4;
   int per_node = 0;
   for (FieldId f = 0; f < state.fields.count(); ++f) per_node += width * state.fields.traits(f).components;
