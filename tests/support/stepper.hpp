@@ -1,0 +1,43 @@
+// A scene from text that a test moves step by step, looking at the state in between.
+#pragma once
+
+#include "mpm_hpc/simulation/diagnostics.hpp"
+#include "mpm_hpc/time/explicit_integrator.hpp"
+#include "support/scene_world.hpp"
+
+namespace mpm::test {
+
+template <int Dim>
+class Stepper : public SceneWorld<Dim> {
+ public:
+  explicit Stepper(const std::string& text) : SceneWorld<Dim>(text) {
+    StepSizeOptions options;
+    options.cfl = this->scene.time.cfl;
+    integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(this->state, this->hooks, options);
+  }
+
+  // One column of a history row.
+  Real value(const std::string& name) {
+    for (const HistoryValue& v : history_row(this->state, this->scene.effects))
+      if (v.name == name) return v.value;
+    throw std::logic_error("history has no column " + name);
+  }
+
+  // Steps until `end` [s], which is met exactly; f() after each step.
+  template <class F>
+  void advance(Real end, F&& f) {
+    State<Dim>& state = this->state;
+    if (state.step == 0) integrator_->initialise(state);
+    while (state.time < end * (1 - 1e-12)) {
+      const Real stable = integrator_->stable_step(state), left = end - state.time;
+      state.dt = left < stable ? left : left < 2 * stable ? left / 2 : stable;
+      integrator_->step(state);
+      f();
+    }
+  }
+
+ private:
+  std::unique_ptr<ExplicitIntegrator<Dim>> integrator_;
+};
+
+}  // namespace mpm::test
