@@ -152,7 +152,7 @@ void rotation(const std::string& scheme) {
   Stepper<2> world(
       "dimension = 2\n[domain]\nlower = [-1, -1]\nupper = [1, 1]\n[grid]\nspacing = 0.05\n[time]\nend = 10\ncfl = 0.3\n" +
       transfer_text(scheme) +
-      "[material.stiff]\nmodel = \"neo_hookean\"\nyoungs_modulus = 100\npoisson_ratio = 0.3\ndensity = 1\n"
+      "[material.stiff]\nmodel = \"neo_hookean\"\nyoungs_modulus = 1000\npoisson_ratio = 0.3\ndensity = 1\n"
       "[[body]]\nmaterial = \"stiff\"\nangular_velocity = 6.283185307179586\n"
       "shape = {type = \"sphere\", center = [0, 0], radius = 0.4}\n");
   const Real mass = sum_over(world, [](const Vec<2>&, const Vec<2>&) { return 1.0; });
@@ -160,7 +160,8 @@ void rotation(const std::string& scheme) {
     return std::sqrt(sum_over(world, [](const Vec<2>& x, const Vec<2>&) { return x.squaredNorm(); }) / mass);
   };
   const Real start = radius();
-  // It starts without strain, so that it first swings about the radius that the spin stretches it to: rho omega^2 R^2 / E.
+  // It starts without strain, so that it first swings about the radius that the spin stretches it to, by about
+  // rho omega^2 R^2 / 4E = 0.2 %; means over a turn leave that out.
   test::Curve curve{"rotation_" + scheme, false, {"turns", "radius of gyration over its first"}, {}};
   Real early = 0, late = 0, early_count = 0, late_count = 0;
   world.advance(10, [&] {
@@ -175,14 +176,8 @@ void rotation(const std::string& scheme) {
     }
   });
   curve.write();
-  const std::string name = "rotating disc, " + scheme + ": drift of the radius over 10 turns";
-  const Real drift = std::abs(late / late_count - early / early_count);
-  if (scheme == "flip") {
-    test::verify_short(section, name, drift, test::at_most(1e-3), test::at_most(2.5e-3),
-                       "without any PIC the disc swings slowly by 0.8 %, which affine schemes don't do");
-  } else {
-    test::verify(section, name, drift, test::at_most(1e-3));
-  }
+  test::verify(section, "rotating disc, " + scheme + ": drift of the radius over 10 turns",
+               std::abs(late / late_count - early / early_count), test::at_most(1e-3));
 }
 
 TEST(Elastodynamics, RotatingDiscApic) { rotation("apic"); }
