@@ -115,6 +115,16 @@ inline S select_less(const S& a, const S& b, const S& x, const S& y) {
   }
 }
 
+// Whether a > b in no lane; a comparison with NaN is false.
+template <class S>
+inline bool none_above(const S& a, const std::type_identity_t<S>& b) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return !(a > b);
+  } else {
+    return !(a > b).any();
+  }
+}
+
 template <class S>
 inline S maximum(const S& a, const S& b) {
   if constexpr (PackTraits<S>::width == 1) {
@@ -143,6 +153,17 @@ template <class S>
 inline S exp_of(const S& a) {
   using std::exp;
   return exp(a);
+}
+// log(1 + a) and exp(a) - 1 with all digits for small a.
+template <class S>
+inline S log1p_of(const S& a) {
+  using std::log1p;
+  return log1p(a);
+}
+template <class S>
+inline S expm1_of(const S& a) {
+  using std::expm1;
+  return expm1(a);
 }
 template <class S>
 inline S sqrt_of(const S& a) {

@@ -66,6 +66,13 @@ inline Tensor<S, Dim> operator-(const Tensor<S, Dim>& a, const Tensor<S, Dim>& b
 }
 
 template <class S, int Dim>
+inline SymTensor<S, Dim> operator+(const SymTensor<S, Dim>& a, const SymTensor<S, Dim>& b) {
+  SymTensor<S, Dim> c;
+  for (int i = 0; i < a.size; ++i) c.m[i] = a.m[i] + b.m[i];
+  return c;
+}
+
+template <class S, int Dim>
 inline Tensor<S, Dim> transpose(const Tensor<S, Dim>& a) {
   Tensor<S, Dim> c;
   for (int i = 0; i < Dim; ++i)
