@@ -29,16 +29,16 @@ class Deformations {
     std::uniform_real_distribution<Real> entry(-distortion, distortion), lot(0, 1);
     body_.particles.resize(count);
     for (int c = 0; c < Dim * Dim; ++c)
-      F_[c] = body_.particles.template data<T>(core::deformation_gradient, c);
+      columns_.F[c] = body_.particles.template data<T>(core::deformation_gradient, c);
     for (Index p = 0; p < count; ++p) {
       Mat<Dim>& F = plain_[p].F;
       F = Mat<Dim>::Identity() + Mat<Dim>::NullaryExpr([&] { return entry(generator); });
       if (lot(generator) < inverted) F.col(0) *= -1;
-      for (int c = 0; c < Dim * Dim; ++c) F_[c][p] = static_cast<T>(F(c / Dim, c % Dim));
+      for (int c = 0; c < Dim * Dim; ++c) columns_.F[c][p] = static_cast<T>(F(c / Dim, c % Dim));
     }
   }
 
-  const T* const* columns() const { return F_; }
+  const MaterialColumns<Dim, T>& columns() const { return columns_; }
   std::vector<ReferenceParticle<Dim>>& particles() { return plain_; }
   double count() const { return static_cast<double>(plain_.size()); }
   double bytes() const { return column_bytes(body_.particles, {core::deformation_gradient}); }
@@ -70,7 +70,7 @@ class Deformations {
  private:
   Body<Dim> body_;
   std::vector<ReferenceParticle<Dim>> plain_;
-  T* F_[Dim * Dim];
+  MaterialColumns<Dim, T> columns_;
 };
 
 // The law with the block's elastic constants; a law that asks for more keys gets them here.
@@ -113,7 +113,7 @@ void bench_stress(benchmark::State& bench, const Communicator& communicator, int
   const auto stress = [&deformations](const Material<Dim>& material) {
     for (int i = 0; i < repeats; ++i)
       deformations.template for_chunks<SymTensor<T, Dim>::size>([&](Index begin, Index end, T* const* tau) {
-        material.stress(deformations.columns(), nullptr, 0, begin, end, tau);
+        material.stress(deformations.columns(), begin, end, tau);
       });
   };
   const Work work{deformations.bytes(), deformations.operations([law = make_law<Law>()](const auto& F) {
@@ -146,7 +146,7 @@ void bench_polar(benchmark::State& bench, const Communicator& communicator, int 
            for (int i = 0; i < repeats; ++i)
              deformations.template for_chunks<Dim * Dim>([&](Index begin, Index end, T* const* out) {
                for (Index p = begin; p < end; p += pack_width<T>) {
-                 const Tensor<S, Dim> R = rotation_of(load_tensor<S, Dim>(deformations.columns(), p));
+                 const Tensor<S, Dim> R = rotation_of(load_tensor<S, Dim>(deformations.columns().F, p));
                  for (int c = 0; c < Dim * Dim; ++c) store(out[c] + (p - begin), R.m[c]);
                }
              });

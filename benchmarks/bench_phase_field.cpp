@@ -1,5 +1,6 @@
 // The phase field's part of the step, stage by stage, against the elastic step and a plain solve with PETSc.
 #include "elastic_block.hpp"
+#include "mpm_hpc/effects/material_columns.hpp"
 #include "harness.hpp"
 #include "reference_phase.hpp"
 
@@ -66,11 +67,10 @@ void find_driving_energy(const State<Dim>& state) {
   with_precision(state.precision, [&state](auto zero) {
     using T = decltype(zero);
     const FieldSet& f = state.bodies[0].particles;
-    const T* F[Dim * Dim];
-    for (int c = 0; c < Dim * Dim; ++c) F[c] = f.template data<T>(core::deformation_gradient, c);
+    const MaterialColumns<Dim, T> columns = material_columns<T>(state, 0);
     alignas(64) T energy[chunk_particles];
     for (Index begin = 0; begin < f.size(); begin += chunk_particles) {
-      state.material_of(0).energy_plus(F, begin, std::min<Index>(begin + chunk_particles, f.size()), energy);
+      state.material_of(0).energy_plus(columns, begin, std::min<Index>(begin + chunk_particles, f.size()), energy);
       asm volatile("" : : "r"(energy) : "memory");
     }
   });

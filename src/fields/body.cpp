@@ -16,7 +16,7 @@ Body<Dim>::Body(std::string body_name, int material_number, Precision precision,
   particles.add({.name = "deformation_gradient",
                  .units = "1",
                  .type = real,
-                 .components = Dim * Dim,
+                 .components = columns.deformation_gradient ? Dim * Dim : 0,
                  .identity = true});
   particles.add({.name = "mass", .units = "kg", .type = real});
   particles.add({.name = "volume", .units = "m^3", .type = real});

@@ -86,6 +86,13 @@ void read_time(Parameters& p, TimeOptions& time) {
     };
     q.real("end", time.end, {.unit = "s", .min = 0, .min_exclusive = true, .required = true, .doc = "Time at which the run ends."});
     q.choice("integrator", time.integrator, {"explicit"}, "Time integrator.");
+    std::string update = "first_order";
+    q.choice("deformation_update", update, {"first_order", "second_order", "exponential"},
+             "How a step deforms the particles: F <- (I + A) F, (I + A + A^2/2) F or exp(A) F with A = dt grad v; the last keeps "
+             "the volume of a rigid rotation exactly.");
+    time.deformation_update = update == "exponential"    ? DeformationUpdate::exponential
+                              : update == "second_order" ? DeformationUpdate::second_order
+                                                         : DeformationUpdate::first_order;
     q.real("cfl", time.cfl,
            {.min = 0, .min_exclusive = true, .max = 1, .doc = "Share of a cell that a wave may cross in one step."});
     time.end_where = q.where("end");

@@ -1,9 +1,10 @@
 #include "mpm_hpc/simulation/diagnostics.hpp"
 
+#include <algorithm>
 #include <cmath>
 
+#include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/math/bspline.hpp"
-#include "mpm_hpc/time/material_access.hpp"
 
 namespace mpm {
 
@@ -33,9 +34,7 @@ struct Sums {
   void add_body(const State<Dim>& state, std::size_t number) {
     const Body<Dim>& body = state.bodies[number];
     const FieldSet& f = body.particles;
-    const DeformationColumns<Dim, T> columns(f);
-    const Degradation& degradation = state.degradation[number];
-    const T* phase = degradation.phase == no_field ? nullptr : f.template data<T>(degradation.phase);
+    const MaterialColumns<Dim, T> columns = material_columns<T>(state, number);
     // Affine particles carry angular momentum in their gradient: L = x x m v + m (B^T : eps), B = C D.
     const bool affine = state.transfer.affine();
     const Real h2 = std::pow(state.geometry().spacing(), 2);
@@ -43,8 +42,7 @@ struct Sums {
     for (const BlockRange& range : body.ranges)
       for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
         const Index end = std::min<Index>(begin + chunk_particles, range.end);
-        state.material_of(number).energy_density(columns.F, phase, static_cast<T>(degradation.residual), begin, end,
-                                                 energy);
+        state.material_of(number).energy_density(columns, begin, end, energy);
         for (Index p = begin; p < end; ++p) {
           if (body.is_padding(p)) continue;
           const Real m = f.template data<T>(core::mass)[p];
@@ -93,6 +91,9 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
   for (const auto& s : sums.momentum) exact.push_back(s);
   for (const auto& s : sums.angular) exact.push_back(s);
   exact.insert(exact.end(), {sums.kinetic, sums.elastic, {state.ledger["external_work"], 0}});
+  const bool plastic = std::any_of(state.materials.begin(), state.materials.end(),
+                                   [](const auto& material) { return material->plasticity() != nullptr; });
+  if (plastic) exact.push_back({state.ledger["plastic_work"], 0});
   std::vector<Real> lowest, highest;
   for (const HistoryValue& v : of_effects) {
     if (v.kind == Kind::sum) exact.push_back({v.value, 0});
@@ -121,6 +122,8 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
   put("kinetic_energy", "J", exact[next++].value());
   put("elastic_energy", "J", exact[next++].value());
   const Real work = exact[next++].value();
+  const Real plastic_work = plastic ? exact[next++].value() : 0;
+  energy += plastic_work;
   std::size_t low = 0, high = 0;
   for (HistoryValue& v : of_effects)
     v.value = v.kind == Kind::sum ? exact[next++].value() : v.kind == Kind::min ? lowest[low++] : highest[high++];
@@ -132,6 +135,7 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
   // The first row's energy is what the balance starts from; rank 0 keeps it with the other sums.
   if (!state.ledger.entries().contains("initial_energy"))
     state.ledger["initial_energy"] = communicator.root() ? energy - work : 0.0;
+  if (plastic) put("plastic_work", "J", plastic_work);
   put("external_work", "J", work);
   put("energy_residual", "J", energy - work - communicator.sum(state.ledger["initial_energy"]));
   put("min_J", "1", state.limits.min_jacobian);
@@ -144,19 +148,26 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
 
 namespace {
 
-template <int Dim, class T>
-Real jacobian(const DeformationColumns<Dim, T>& columns, Index p) {
-  Tensor<Real, Dim> F;
-  for (int c = 0; c < Dim * Dim; ++c) F.m[c] = columns.F[c][p];
-  return determinant(F);
+// Calls f(begin, end, storage) for each chunk of the particles, with scratch for `Components` columns.
+template <int Components, class T, class F>
+void for_chunks(Index begin, Index end, F&& f) {
+  alignas(64) T storage[Components][chunk_particles];
+  T* columns[Components];
+  for (int c = 0; c < Components; ++c) columns[c] = storage[c];
+  for (Index start = begin; start < end; start += chunk_particles)
+    f(start, std::min<Index>(start + chunk_particles, end), columns);
 }
 
 // The value of particle p goes to out[p - begin].
 template <int Dim>
 void frame_jacobian(const State<Dim>& state, std::size_t body, Index begin, Index end, Real* out) {
   with_precision(state.precision, [&](auto zero) {
-    const DeformationColumns<Dim, decltype(zero)> columns(state.bodies[body].particles);
-    for (Index p = begin; p < end; ++p) out[p - begin] = jacobian(columns, p);
+    using T = decltype(zero);
+    const MaterialColumns<Dim, T> columns = material_columns<T>(state, body);
+    for_chunks<1, T>(begin, end, [&](Index start, Index stop, T* const* J) {
+      state.material_of(body).jacobian(columns, start, stop, J[0]);
+      std::copy(J[0], J[0] + (stop - start), out + (start - begin));
+    });
   });
 }
 
@@ -165,28 +176,25 @@ void frame_von_mises(const State<Dim>& state, std::size_t body, Index begin, Ind
   constexpr int components = SymTensor<Real, Dim>::size;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    const MaterialStress<Dim, T> source(state, body);
-    const DeformationColumns<Dim, T> columns(state.bodies[body].particles);
-    alignas(64) T storage[components][chunk_particles];
-    T* tau[components];
-    for (int c = 0; c < components; ++c) tau[c] = storage[c];
-    for (Index start = begin; start < end; start += chunk_particles) {
-      const Index stop = std::min<Index>(start + chunk_particles, end);
-      source.kirchhoff_stress(start, stop, tau);
+    const MaterialColumns<Dim, T> columns = material_columns<T>(state, body);
+    for_chunks<components + 1, T>(begin, end, [&](Index start, Index stop, T* const* tau) {
+      const T* J = tau[components];
+      state.material_of(body).stress(columns, start, stop, tau);
+      state.material_of(body).jacobian(columns, start, stop, tau[components]);
       // Roots in a loop of their own: their error handling would keep the rest out of the vector registers.
       Real* values = out + (start - begin);
       for (Index i = 0; i < stop - start; ++i) {
         Real pressure = 0, squares = 0;
-        for (int a = 0; a < Dim; ++a) pressure += storage[SymTensor<Real, Dim>::index(a, a)][i] / Dim;
+        for (int a = 0; a < Dim; ++a) pressure += tau[SymTensor<Real, Dim>::index(a, a)][i] / Dim;
         for (int a = 0; a < Dim; ++a)
           for (int b = 0; b < Dim; ++b) {
-            const Real s = storage[SymTensor<Real, Dim>::index(a, b)][i] - (a == b ? pressure : 0);
+            const Real s = tau[SymTensor<Real, Dim>::index(a, b)][i] - (a == b ? pressure : 0);
             squares += s * s;
           }
         values[i] = 1.5 * squares;
       }
-      for (Index i = 0; i < stop - start; ++i) values[i] = std::sqrt(values[i]) / jacobian(columns, start + i);
-    }
+      for (Index i = 0; i < stop - start; ++i) values[i] = std::sqrt(values[i]) / J[i];
+    });
   });
 }
 

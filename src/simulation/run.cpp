@@ -120,7 +120,7 @@ std::map<std::string, std::vector<Real>> Run<Dim>::state_numbers() {
   for (auto& effect : scene_.effects) effect->save(numbers);
   const StepLimits& l = state_.limits;
   numbers["limits"] = {l.kinematic.speed, l.kinematic.speed_component, l.kinematic.gradient, l.kinematic.acceleration,
-                       l.signal_speed,    l.stiffness_speed,           l.min_jacobian};
+                       l.signal_speed,    l.stiffness_speed,           l.min_jacobian,      l.viscosity};
   state_.ledger.consolidate(communicator_);
   for (const auto& [name, value] : state_.ledger.entries()) numbers["ledger:" + name] = {communicator_.sum(value)};
   state_.guards["particles_removed_outside_domain"] += state_.distribution.take_removed();
@@ -134,12 +134,13 @@ template <int Dim>
 void Run<Dim>::restore_numbers(const std::map<std::string, std::vector<Real>>& numbers) {
   for (auto& effect : scene_.effects) effect->restore(numbers);
   StepLimits& l = state_.limits;
-  if (const auto it = numbers.find("limits"); it != numbers.end() && it->second.size() == 7) {
+  if (const auto it = numbers.find("limits"); it != numbers.end() && it->second.size() == 8) {
     const std::vector<Real>& v = it->second;
     l.kinematic = {v[0], v[1], v[2], v[3]};
     l.signal_speed = v[4];
     l.stiffness_speed = v[5];
     l.min_jacobian = v[6];
+    l.viscosity = v[7];
   }
   for (const auto& [name, values] : numbers) {
     if (name.starts_with("ledger:")) state_.ledger[name.substr(7)] = communicator_.root() ? values[0] : 0;

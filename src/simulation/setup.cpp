@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/fields/point_cloud.hpp"
 #include "mpm_hpc/io/point_cloud_hdf5.hpp"
 #include "mpm_hpc/io/together.hpp"
@@ -18,6 +19,7 @@ template <int Dim>
 void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Dim>& state) {
   state.precision = scene.precision;
   state.transfer = scene.transfer;
+  state.deformation_update = scene.time.deformation_update;
   DistributionOptions options = scene.distribution;
   with_kernel(scene.transfer.kernel, [&options](auto kernel) {
     options.kernel_shift = kernel.shift;
@@ -28,9 +30,12 @@ void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Di
   for (const BodyDefinition<Dim>& definition : scene.bodies) {
     const auto material = std::find_if(state.materials.begin(), state.materials.end(),
                                        [&](const auto& m) { return m->name() == definition.material; });
+    const BodyColumns columns{.velocity_gradient = state.transfer.affine() || (*material)->needs_velocity_gradient(),
+                              .deformation_gradient = (*material)->needs_deformation_gradient()};
     state.bodies.emplace_back(definition.name, static_cast<int>(material - state.materials.begin()), state.precision,
-                              BodyColumns{.velocity_gradient = state.transfer.affine()});
+                              columns);
     Body<Dim>& body = state.bodies.back();
+    add_own_columns(**material, state.precision, body.particles);
     if (state.transfer.scheme == Scheme::polypic)
       body.velocity_modes = body.particles.add({.name = "velocity_modes",
                                                 .units = "m/s",
@@ -183,7 +188,7 @@ void fill_piece(const FieldSet& f, Index first, const BodyDefinition<Dim>& defin
       for (int b = 0; b < Dim; ++b) {
         if (f.has(core::velocity_gradient))
           f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(spin(a, b));
-        if (!cloud.deformation_gradients.empty())
+        if (!cloud.deformation_gradients.empty() && f.has(core::deformation_gradient))
           f.template data<T>(core::deformation_gradient, a * Dim + b)[p] =
               static_cast<T>(cloud.deformation_gradients[i](a, b));
       }

@@ -65,13 +65,14 @@ void ExplicitIntegrator<Dim>::reduce_limits(State<Dim>& state) {
   StepLimits& l = state.limits;
   std::vector<Real> values = {l.kinematic.speed,        l.kinematic.speed_component, l.kinematic.gradient,
                               l.kinematic.acceleration, l.signal_speed,              l.stiffness_speed,
-                              -l.min_jacobian,          state.stop_requested ? 1.0 : 0.0};
+                              -l.min_jacobian,          state.stop_requested ? 1.0 : 0.0, l.viscosity};
   state.communicator().max(values);
   l.kinematic = {values[0], values[1], values[2], values[3]};
   l.signal_speed = values[4];
   l.stiffness_speed = values[5];
   l.min_jacobian = -values[6];
   state.stop_requested = values[7] > 0;
+  l.viscosity = values[8];
   const bool finite = std::isfinite(l.signal_speed) && std::isfinite(l.kinematic.gradient);
   if (!(l.min_jacobian > 0) || !finite) report_failed_particle(state);
 }

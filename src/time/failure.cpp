@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/material_columns.hpp"
 
 namespace mpm {
 
@@ -13,24 +14,26 @@ void report_failed_particle(const State<Dim>& state) {
   Real smallest = std::numeric_limits<Real>::infinity();
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    for (const Body<Dim>& body : state.bodies) {
+    constexpr int W = pack_width<T>;
+    alignas(64) T jacobians[W];
+    for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+      const Body<Dim>& body = state.bodies[b];
       const FieldSet& fields = body.particles;
+      const MaterialColumns<Dim, T> columns = material_columns<T>(state, b);
       for (Index p = 0; p < fields.size(); ++p) {
+        if (p % W == 0) state.material_of(b).jacobian(columns, p, p + W, jacobians);
         if (body.is_padding(p)) continue;
-        Tensor<Real, Dim> F;
         bool finite = true;
         std::string place;
         for (int a = 0; a < Dim; ++a) {
           const Real x = fields.template data<Real>(core::position, a)[p];
           place += fmt::format("{}{:.6g}", a ? ", " : "", x);
           finite = finite && std::isfinite(x) && std::isfinite(fields.template data<T>(core::velocity, a)[p]);
-          for (int b = 0; b < Dim; ++b) {
-            F(a, b) = fields.template data<T>(core::deformation_gradient, a * Dim + b)[p];
-            if (fields.has(core::velocity_gradient))
-              finite = finite && std::isfinite(fields.template data<T>(core::velocity_gradient, a * Dim + b)[p]);
-          }
+          for (int c = a * Dim; c < (a + 1) * Dim; ++c)
+            if (columns.velocity_gradient[c]) finite = finite && std::isfinite(columns.velocity_gradient[c][p]);
         }
-        const Real J = determinant(F);
+        const Real J = jacobians[p % W];
+        finite = finite && std::isfinite(J);
         if (finite && J > smallest) continue;
         smallest = finite ? J : -std::numeric_limits<Real>::infinity();
         failure = fmt::format(

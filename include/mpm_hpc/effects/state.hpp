@@ -21,6 +21,7 @@ struct StepLimits {
   Real signal_speed = 0;     // |v| + c [m/s]
   Real stiffness_speed = 0;  // sqrt(lambda_max(A) / rho0) [m/s]
   Real min_jacobian = std::numeric_limits<Real>::infinity();
+  Real viscosity = 0;        // largest kinematic viscosity [m^2/s]
 };
 
 // How the stress of a body is weakened: the phase column, when an effect gives it one, and its residual.
@@ -60,6 +61,7 @@ struct State {
   FieldId changes = no_field;
 
   Real time = 0, dt = 0;  // [s]; of the step under way
+  DeformationUpdate deformation_update = DeformationUpdate::first_order;
   std::int64_t step = 0;
   // Whether a row, frame or checkpoint is planned after the step under way, so that what only those need must be ready. It
   // may turn out that one is written all the same, when a signal ends the run.
@@ -67,7 +69,7 @@ struct State {
   StepLimits limits;
   Real drift = 0;  // bound of the particles' way since the last sort [m]
   bool stop_requested = false;  // by a signal: on this rank before a step, on any rank after it
-  Ledger ledger;   // "external_work" [J] among others
+  Ledger ledger;   // "external_work" and "plastic_work" [J] among others
   std::map<std::string, GlobalIndex> guards;  // how often each guard acted on this rank
   std::map<std::string, SolverWork> solvers;          // by name, since the start of the run
   Real busy = 0;  // compute time since the last sort [s], for weights by time

@@ -10,7 +10,7 @@
 
 namespace mpm {
 
-// Columns that every body has, in the order in which they are declared.
+// Columns that every body has, in the order in which they are declared. Those that its material keeps for itself follow.
 namespace core {
 inline constexpr FieldId id = 0;                    // global identity; negative marks padding
 inline constexpr FieldId position = 1;              // x [m], always double
@@ -32,7 +32,7 @@ struct BlockRange {
 
 // Which of the columns that not every body needs it has; the others have no components and no bytes.
 struct BodyColumns {
-  bool velocity_gradient = true;
+  bool velocity_gradient = true, deformation_gradient = true;
 };
 
 template <int Dim>

@@ -3,19 +3,25 @@
 
 #include <concepts>
 
+#include "mpm_hpc/base/types.hpp"
 #include "mpm_hpc/math/tensor.hpp"
 
 namespace mpm {
 
 class Parameters;
 
-// A hyperelastic law: one small struct, its functions templates on the scalar S (a number or a pack).
+// What every law has: it is one small struct, its functions templates on the scalar S (a number or a pack).
+template <class Law>
+concept NamedLaw = std::copyable<Law> && std::default_initializable<Law> &&
+    requires(Law fresh, Parameters& parameters) {
+  { Law::name } -> std::convertible_to<const char*>;  // value of the scene's key `model`
+  { Law::doc } -> std::convertible_to<const char*>;   // one sentence for the manual
+  fresh.declare(parameters);                          // reads its keys
+};
+
+// A hyperelastic law of the deformation gradient.
 template <class Law, int Dim, class S = double>
-concept MaterialLaw = std::copyable<Law> && std::default_initializable<Law> &&
-    requires(const Law law, Law fresh, Parameters& parameters, const Tensor<S, Dim>& F) {
-  { Law::name } -> std::convertible_to<const char*>;               // value of the scene's key `model`
-  { Law::doc } -> std::convertible_to<const char*>;                // one sentence for the manual
-  fresh.declare(parameters);                                       // reads its keys
+concept SolidLaw = NamedLaw<Law> && requires(const Law law, const Tensor<S, Dim>& F) {
   { law.kirchhoff_stress(F) } -> std::same_as<SymTensor<S, Dim>>;  // tau = P F^T [Pa]
   { law.energy_density(F) } -> std::same_as<S>;                    // Psi [J/m^3]
   {
@@ -24,9 +30,22 @@ concept MaterialLaw = std::copyable<Law> && std::default_initializable<Law> &&
   { law.wave_modulus(F) } -> std::same_as<S>;  // >= max_a A_aa, equal at F = I [Pa]
 };
 
+// A fluid, which knows its volume alone: J - 1 is a column of its own, since a J near 1 would lose the digits
+// of the pressure in single precision, and det F those of J in shear.
+template <class Law, class S = double>
+concept FluidLaw = NamedLaw<Law> && requires(const Law law, const S& volume_change) {
+  { law.viscosity } -> std::convertible_to<Real>;                      // of shear [Pa s]
+  { law.spherical_stress(volume_change) } -> std::same_as<S>;          // tau = -p J [Pa]
+  { law.energy_density(volume_change) } -> std::same_as<S>;            // Psi [J/m^3]
+  { law.wave_modulus(volume_change) } -> std::same_as<S>;              // >= d tau / d ln J, equal at J = 1 [Pa]
+};
+
+template <class Law, int Dim>
+concept MaterialLaw = SolidLaw<Law, Dim> || FluidLaw<Law>;
+
 // Psi = Psi+ + Psi-, of which g in [0, 1] scales Psi+ (the part that drives cracks).
 template <class Law, int Dim, class S = double>
-concept SplitsEnergy = MaterialLaw<Law, Dim, S> &&
+concept SplitsEnergy = SolidLaw<Law, Dim, S> &&
     requires(const Law law, const Tensor<S, Dim>& F, const S& g) {
   { law.energy_plus(F) } -> std::same_as<S>;
   { law.energy_degraded(F, g) } -> std::same_as<S>;
@@ -35,9 +54,15 @@ concept SplitsEnergy = MaterialLaw<Law, Dim, S> &&
 
 // First Piola-Kirchhoff stress and its derivative in closed form, for the implicit integrator.
 template <class Law, int Dim, class S = double>
-concept HasTangent = MaterialLaw<Law, Dim, S> && requires(const Law law, const Tensor<S, Dim>& F) {
+concept HasTangent = SolidLaw<Law, Dim, S> && requires(const Law law, const Tensor<S, Dim>& F) {
   { law.first_piola(F) } -> std::same_as<Tensor<S, Dim>>;
   { law.first_piola_differential(F, F) } -> std::same_as<Tensor<S, Dim>>;  // dP/dF : dF
+};
+
+// A law whose particles forget part of their deformation after each step.
+template <class Law, int Dim, class S = double>
+concept Relaxes = SolidLaw<Law, Dim, S> && requires(const Law law, const Tensor<S, Dim>& F) {
+  { law.relaxed(F) } -> std::same_as<Tensor<S, Dim>>;
 };
 
 }  // namespace mpm

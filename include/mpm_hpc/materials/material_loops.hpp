@@ -2,174 +2,214 @@
 #pragma once
 
 #include "mpm_hpc/base/error.hpp"
-#include "mpm_hpc/materials/material.hpp"
-#include "mpm_hpc/materials/material_update.hpp"
+#include "mpm_hpc/materials/fluid_model.hpp"
+#include "mpm_hpc/materials/solid_model.hpp"
 
 namespace mpm {
 
-template <class Law, int Dim>
+template <class Law, int Dim, class Rule = Elastic>
 class MaterialLoops final : public Material<Dim> {
   static_assert(MaterialLaw<Law, Dim>, "a material law lacks one of the functions of materials/material.hpp");
+  static constexpr bool splits = SplitsEnergy<Law, Dim>;
+  static constexpr bool is_fluid = FluidLaw<Law>;
 
  public:
-  MaterialLoops(typename Material<Dim>::Common common, const Law& law)
-      : Material<Dim>(std::move(common)), law_(law) {}
+  template <class T>
+  using Columns = MaterialColumns<Dim, T>;
+
+  MaterialLoops(typename Material<Dim>::Common common, const Law& law, const Rule& rule = {})
+      : Material<Dim>(std::move(common)), model_(make_model(law, rule)) {}
 
   const char* model() const override { return Law::name; }
-  bool splits_energy() const override { return SplitsEnergy<Law, Dim>; }
+  const char* plasticity() const override {
+    if constexpr (std::is_same_v<Rule, Elastic>) {
+      return nullptr;
+    } else {
+      return Rule::name;
+    }
+  }
+  bool splits_energy() const override { return splits; }
   bool has_tangent() const override { return HasTangent<Law, Dim>; }
+  bool needs_deformation_gradient() const override { return Model::has_deformation_gradient; }
+  bool needs_velocity_gradient() const override { return model_.viscosity() > 0; }
+  std::vector<OwnColumn> own_columns() const override { return model_.own_columns(); }
+  std::vector<const char*> guards() const override { return model_.guards(); }
 
-  void stress(const double* const* F, const double* phase, Real residual, Index begin, Index end,
-              double* const* tau) const override {
-    stress_loop(F, phase, residual, begin, end, tau);
+  void stress(const Columns<double>& c, Index begin, Index end, double* const* tau) const override {
+    stress_loop(c, begin, end, tau);
   }
-  void stress(const float* const* F, const float* phase, Real residual, Index begin, Index end,
-              float* const* tau) const override {
-    stress_loop(F, phase, residual, begin, end, tau);
+  void stress(const Columns<float>& c, Index begin, Index end, float* const* tau) const override {
+    stress_loop(c, begin, end, tau);
   }
-
-  MaterialLimits advance(double* const* F, const double* const* gradient, Real dt, Index begin,
-                         Index end) const override {
-    return advance_loop(F, gradient, dt, begin, end);
+  MaterialUpdate advance(const Columns<double>& c, const double* const* gradient, const DeformationStep& step,
+                         Index begin, Index end) const override {
+    return advance_loop(c, gradient, step, begin, end);
   }
-  MaterialLimits advance(float* const* F, const float* const* gradient, Real dt, Index begin,
-                         Index end) const override {
-    return advance_loop(F, gradient, dt, begin, end);
+  MaterialUpdate advance(const Columns<float>& c, const float* const* gradient, const DeformationStep& step,
+                         Index begin, Index end) const override {
+    return advance_loop(c, gradient, step, begin, end);
   }
-
-  MaterialLimits limits(const double* const* F, Index begin, Index end) const override {
-    return limits_loop(F, begin, end);
+  MaterialLimits limits(const Columns<double>& c, Index begin, Index end) const override {
+    return limits_loop(c, begin, end);
   }
-  MaterialLimits limits(const float* const* F, Index begin, Index end) const override {
-    return limits_loop(F, begin, end);
+  MaterialLimits limits(const Columns<float>& c, Index begin, Index end) const override {
+    return limits_loop(c, begin, end);
   }
-
-  void energy_density(const double* const* F, const double* phase, Real residual, Index begin, Index end,
-                      double* out) const override {
-    energy_density_loop(F, phase, residual, begin, end, out);
+  void energy_density(const Columns<double>& c, Index begin, Index end, double* out) const override {
+    energy_density_loop(c, begin, end, out);
   }
-  void energy_density(const float* const* F, const float* phase, Real residual, Index begin, Index end,
-                      float* out) const override {
-    energy_density_loop(F, phase, residual, begin, end, out);
+  void energy_density(const Columns<float>& c, Index begin, Index end, float* out) const override {
+    energy_density_loop(c, begin, end, out);
   }
-
-  void energy_plus(const double* const* F, Index begin, Index end, double* out) const override {
-    energy_plus_loop(F, begin, end, out);
+  void energy_plus(const Columns<double>& c, Index begin, Index end, double* out) const override {
+    energy_plus_loop(c, begin, end, out);
   }
-  void energy_plus(const float* const* F, Index begin, Index end, float* out) const override {
-    energy_plus_loop(F, begin, end, out);
+  void energy_plus(const Columns<float>& c, Index begin, Index end, float* out) const override {
+    energy_plus_loop(c, begin, end, out);
+  }
+  void jacobian(const Columns<double>& c, Index begin, Index end, double* out) const override {
+    jacobian_loop(c, begin, end, out);
+  }
+  void jacobian(const Columns<float>& c, Index begin, Index end, float* out) const override {
+    jacobian_loop(c, begin, end, out);
   }
 
  private:
+  using Model = std::conditional_t<is_fluid, FluidModel<Law, Dim>, SolidModel<Law, Rule, Dim>>;
   // Energies are differences of numbers near 1: a float keeps no digit of them below a strain of 3e-4, so
   // they are evaluated in double whatever the columns are.
   using EnergyPack = Pack<double>;
 
-  template <class S, class T>
-  static S degradation(const T* phase, Index particle, Real residual) {
-    const S c = load<S>(phase + particle);
-    return broadcast<S>(1 - residual) * c * c + broadcast<S>(residual);
+  static Model make_model(const Law& law, [[maybe_unused]] const Rule& rule) {
+    if constexpr (is_fluid) {
+      return {law};
+    } else {
+      return {law, rule};
+    }
   }
 
   template <class T>
-  [[gnu::flatten]] void stress_loop(const T* const* F, const T* phase, Real residual, Index begin, Index end,
-                                    T* const* tau) const {
+  [[gnu::flatten]] void stress_loop(const Columns<T>& columns, Index begin, Index end, T* const* tau) const {
     using S = Pack<T>;
-    const Law law = law_;
-    if (phase == nullptr) {
+    const Model model = model_;
+    const Columns<T> c = columns;
+    if (c.phase == nullptr) {
       for (Index p = begin; p < end; p += pack_width<T>)
-        store_tensor(tau, p - begin, law.kirchhoff_stress(load_tensor<S, Dim>(F, p)));
-    } else if constexpr (SplitsEnergy<Law, Dim>) {
+        store_tensor(tau, p - begin, model.stress(model.template load_point<S>(c, p)));
+    } else if constexpr (splits) {
       for (Index p = begin; p < end; p += pack_width<T>)
-        store_tensor(
-            tau, p - begin,
-            law.kirchhoff_stress_degraded(load_tensor<S, Dim>(F, p), degradation<S>(phase, p, residual)));
+        store_tensor(tau, p - begin,
+                     model.stress_degraded(model.template load_point<S>(c, p), degradation<S>(c, p)));
     } else {
       refuse_to_split();
     }
   }
 
   // The limits of a run of particles, pack by pack.
-  template <class T>
+  template <class S>
   struct LimitPacks {
-    using S = Pack<T>;
-    const S infinity = broadcast<S>(std::numeric_limits<T>::infinity());
-    S stiffness = broadcast<S>(0.0), wave_modulus = stiffness, min_J = infinity;
+    using Scalar = typename PackTraits<S>::Scalar;
+    const S infinity = broadcast<S>(std::numeric_limits<Scalar>::infinity());
+    S stiffness = broadcast<S>(0.0), wave_modulus = stiffness, max_J = stiffness, min_J = infinity;
 
-    void include(const Law& law, const Tensor<S, Dim>& F) {
-      const S J = determinant(F);
+    template <class Point>
+    void include(const Model& model, const Point& point) {
+      const S J = model.jacobian(point);
       // J - J is 0, or NaN for a J that is no finite number, which a maximum of packs may lose.
-      const S k = law.stiffness_bound(F) + (J - J), w = law.wave_modulus(F) + (J - J);
+      const S k = model.stiffness_bound(point) + (J - J), w = model.wave_modulus(point) + (J - J);
       stiffness = maximum<S>(stiffness, select_less<S>(k, infinity, k, infinity));
       wave_modulus = maximum<S>(wave_modulus, select_less<S>(w, infinity, w, infinity));
       min_J = minimum<S>(min_J, select_less<S>(-infinity, J, J, -infinity));
+      if constexpr (is_fluid) max_J = maximum<S>(max_J, select_less<S>(J, infinity, J, infinity));
     }
-    MaterialLimits limits() const {
+    MaterialLimits limits(Real viscosity) const {
       MaterialLimits limits;
-      for (int lane = 0; lane < pack_width<T>; ++lane)
-        limits.include(
-            {.stiffness = stiffness[lane], .wave_modulus = wave_modulus[lane], .min_jacobian = min_J[lane]});
+      for (int lane = 0; lane < PackTraits<S>::width; ++lane)
+        limits.include({.stiffness = stiffness[lane],
+                        .wave_modulus = wave_modulus[lane],
+                        .min_jacobian = min_J[lane],
+                        .viscosity = viscosity > 0 ? viscosity * max_J[lane] : 0});
       return limits;
     }
   };
 
+  // What the returns of a run of particles add up to, lane by lane.
+  template <class S>
+  struct Tally {
+    S plastic_work = broadcast<S>(0.0);
+    S guards[max_material_guards] = {plastic_work, plastic_work, plastic_work};
+  };
+
   template <class T>
-  [[gnu::flatten]] MaterialLimits advance_loop(T* const* F, const T* const* gradient, Real dt, Index begin,
-                                               Index end) const {
-    using S = Pack<T>;
-    const Law law = law_;
-    const S step = broadcast<S>(dt);
-    LimitPacks<T> limits;
-    for (Index p = begin; p < end; p += pack_width<T>) {
-      const Tensor<S, Dim> old = load_tensor<S, Dim>(F, p);
-      const Tensor<S, Dim> updated = old + step * multiply(load_tensor<S, Dim>(gradient, p - begin), old);
-      store_tensor(F, p, updated);
-      limits.include(law, updated);
+  [[gnu::flatten]] MaterialUpdate advance_loop(const Columns<T>& columns, const T* const* gradient,
+                                               const DeformationStep& step, Index begin, Index end) const {
+    using S = Pack<typename Model::template AdvanceScalar<T>>;
+    const Model model = model_;
+    const Columns<T> c = columns;
+    LimitPacks<S> limits;
+    Tally<S> tally;
+    for (Index p = begin; p < end; p += PackTraits<S>::width)
+      limits.include(model, model.template advance<S>(c, gradient, step, p, begin, tally));
+    MaterialUpdate update{.limits = limits.limits(model.viscosity())};
+    if constexpr (!std::is_same_v<Rule, Elastic>) {
+      update.plastic_work = tally.plastic_work.sum();
+      for (int k = 0; k < max_material_guards; ++k)
+        update.guards[k] = static_cast<GlobalIndex>(tally.guards[k].sum());
     }
-    return limits.limits();
+    return update;
   }
 
   template <class T>
-  [[gnu::flatten]] MaterialLimits limits_loop(const T* const* F, Index begin, Index end) const {
-    const Law law = law_;
-    LimitPacks<T> limits;
-    for (Index p = begin; p < end; p += pack_width<T>) limits.include(law, load_tensor<Pack<T>, Dim>(F, p));
-    return limits.limits();
+  [[gnu::flatten]] MaterialLimits limits_loop(const Columns<T>& columns, Index begin, Index end) const {
+    const Model model = model_;
+    const Columns<T> c = columns;
+    LimitPacks<Pack<T>> limits;
+    for (Index p = begin; p < end; p += pack_width<T>)
+      limits.include(model, model.template load_point<Pack<T>>(c, p));
+    return limits.limits(model.viscosity());
   }
 
   template <class T>
-  [[gnu::flatten]] void energy_density_loop(const T* const* F, const T* phase, Real residual, Index begin,
-                                            Index end, T* out) const {
+  [[gnu::flatten]] void energy_density_loop(const Columns<T>& columns, Index begin, Index end, T* out) const {
     using S = EnergyPack;
-    const Law law = law_;
-    if (phase == nullptr) {
+    const Model model = model_;
+    const Columns<T> c = columns;
+    if (c.phase == nullptr) {
       for (Index p = begin; p < end; p += pack_width<double>)
-        store(out + (p - begin), law.energy_density(load_tensor<S, Dim>(F, p)));
-    } else if constexpr (SplitsEnergy<Law, Dim>) {
+        store(out + (p - begin), model.energy(model.template load_point<S>(c, p)));
+    } else if constexpr (splits) {
       for (Index p = begin; p < end; p += pack_width<double>)
         store(out + (p - begin),
-              law.energy_degraded(load_tensor<S, Dim>(F, p), degradation<S>(phase, p, residual)));
+              model.energy_degraded(model.template load_point<S>(c, p), degradation<S>(c, p)));
     } else {
       refuse_to_split();
     }
   }
 
   template <class T>
-  [[gnu::flatten]] void energy_plus_loop(const T* const* F, Index begin, Index end, T* out) const {
-    if constexpr (SplitsEnergy<Law, Dim>) {
-      const Law law = law_;
+  [[gnu::flatten]] void energy_plus_loop(const Columns<T>& columns, Index begin, Index end, T* out) const {
+    if constexpr (splits) {
+      const Model model = model_;
+      const Columns<T> c = columns;
       for (Index p = begin; p < end; p += pack_width<double>)
-        store(out + (p - begin), law.energy_plus(load_tensor<EnergyPack, Dim>(F, p)));
+        store(out + (p - begin), model.energy_plus(model.template load_point<EnergyPack>(c, p)));
     } else {
       refuse_to_split();
     }
+  }
+
+  template <class T>
+  [[gnu::flatten]] void jacobian_loop(const Columns<T>& columns, Index begin, Index end, T* out) const {
+    const Columns<T> c = columns;
+    for (Index p = begin; p < end; p += pack_width<T>)
+      store(out + (p - begin), model_.jacobian(model_.template load_point<Pack<T>>(c, p)));
   }
 
   [[noreturn, gnu::noinline]] static void refuse_to_split() {
     throw LogicError(std::string("the material law ") + Law::name + " doesn't split its energy");
   }
 
-  Law law_;
+  Model model_;
 };
 
 }  // namespace mpm

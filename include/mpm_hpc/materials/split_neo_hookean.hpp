@@ -14,6 +14,8 @@ struct SplitNeoHookean {
   static constexpr const char* name = "split_neo_hookean";
   static constexpr const char* doc = "neo-Hookean solid split into shape and volume change; can fracture";
 
+  static constexpr bool splits_shape_and_volume = true;
+
   Real mu = 0;     // [Pa]
   Real kappa = 0;  // bulk modulus [Pa]
 
@@ -42,20 +44,58 @@ struct SplitNeoHookean {
   template <class S>
   S energy_density(const Tensor<S, Dim>& F) const {
     const S J = determinant(F);
-    return deviatoric_energy(F, J) + volumetric_energy(J);
+    return deviatoric_energy(inner(F, F), J) + volumetric_energy(J);
   }
 
   template <class S>
   S energy_plus(const Tensor<S, Dim>& F) const {
     const S J = determinant(F), one = broadcast<S>(1.0), zero = broadcast<S>(0.0);
-    return deviatoric_energy(F, J) + select_less<S>(J, one, zero, volumetric_energy(J));
+    return deviatoric_energy(inner(F, F), J) + select_less<S>(J, one, zero, volumetric_energy(J));
   }
 
   // g Psi+ + Psi-
   template <class S>
   S energy_degraded(const Tensor<S, Dim>& F, const S& g) const {
     const S J = determinant(F);
-    return g * deviatoric_energy(F, J) + volumetric_weight(J, g) * volumetric_energy(J);
+    return g * deviatoric_energy(inner(F, F), J) + volumetric_weight(J, g) * volumetric_energy(J);
+  }
+
+  template <class S>
+  S energy_of_stretches(const S (&s)[Dim]) const {
+    return deviatoric_energy(sum_of_squares(s), product(s)) + volumetric_energy(product(s));
+  }
+  template <class S>
+  S energy_of_stretches_degraded(const S (&s)[Dim], const S& g) const {
+    const S J = product(s);
+    return g * deviatoric_energy(sum_of_squares(s), J) + volumetric_weight(J, g) * volumetric_energy(J);
+  }
+
+  // p = -kappa/2 (J^2 - 1)
+  template <class S>
+  S pressure(const S& J) const {
+    return -volumetric_stress(J);
+  }
+
+  // s_a = mu J^(-2/d) (b_a - mean b)
+  template <class S>
+  void principal_deviator(const S (&s)[Dim], S (&deviator)[Dim]) const {
+    const S factor = broadcast<S>(mu) * isochoric_factor(product(s)), mean = broadcast<S>(1.0 / Dim) * sum_of_squares(s);
+    for (int a = 0; a < Dim; ++a) deviator[a] = factor * (s[a] * s[a] - mean);
+  }
+  // d q / d gamma of plastic flow along the deviator is 3 times this (Simo 1988): mu J^(-2/d) tr(b) / d.
+  template <class S>
+  S shear_modulus(const S (&s)[Dim]) const {
+    return broadcast<S>(mu / Dim) * isochoric_factor(product(s)) * sum_of_squares(s);
+  }
+  // The stretches of the same J with this deviator of tau: b_a = D_a + t with D = J^(2/d) / mu times the deviator and the
+  // largest root t of prod(D_a + t) = J^2.
+  template <class S>
+  void stretches_with_deviator(const S (&s)[Dim], const S (&deviator)[Dim], S (&returned)[Dim]) const {
+    const S J = product(s), root2 = broadcast<S>(1.0) / isochoric_factor(J), scale = broadcast<S>(1 / mu) * root2;
+    S D[Dim];
+    for (int a = 0; a < Dim; ++a) D[a] = scale * deviator[a];
+    const S t = mean_of_squares(D, S(J * J), root2);
+    for (int a = 0; a < Dim; ++a) returned[a] = sqrt_of<S>(D[a] + t);
   }
 
   // A = 2 mu J^(-2/d) Q diag(s^2) Q + kappa J^2 1 1^T with the projector Q = I - 1 1^T / d. The two terms
@@ -149,8 +189,41 @@ struct SplitNeoHookean {
   }
 
   template <class S>
-  S deviatoric_energy(const Tensor<S, Dim>& F, const S& J) const {
-    return broadcast<S>(0.5 * mu) * (isochoric_factor(J) * inner(F, F) - broadcast<S>(Dim));
+  static S product(const S (&s)[Dim]) {
+    S J = s[0];
+    for (int a = 1; a < Dim; ++a) J *= s[a];
+    return J;
+  }
+  template <class S>
+  static S sum_of_squares(const S (&s)[Dim]) {
+    S sum = s[0] * s[0];
+    for (int a = 1; a < Dim; ++a) sum += s[a] * s[a];
+    return sum;
+  }
+
+  // The largest t with prod(D_a + t) = J^2, given J^2 and J^(2/d). The product is convex and rises from there on, so that
+  // Newton's iteration falls to t from any larger number, such as J^(2/d) + max |D_a|.
+  template <class S>
+  static S mean_of_squares(const S (&D)[Dim], const S& J2, const S& root2) {
+    if constexpr (Dim == 2) {
+      return sqrt_of<S>(J2 - D[0] * D[1]);
+    } else {
+      const S linear = D[0] * D[1] + D[1] * D[2] + D[2] * D[0], constant = D[0] * D[1] * D[2] - J2;
+      S t = root2 + maximum<S>(maximum<S>(abs_of<S>(D[0]), abs_of<S>(D[1])), abs_of<S>(D[2]));
+      constexpr int most = 60;  // a step takes a third of the distance at least
+      for (int i = 0; i < most; ++i) {
+        const S step = ((t * t + linear) * t + constant) / (broadcast<S>(3.0) * t * t + linear);
+        t -= step;
+        // The next error is of the order of the square.
+        if (none_above<S>(abs_of<S>(step), broadcast<S>(1e-9) * t)) break;
+      }
+      return t;
+    }
+  }
+
+  template <class S>
+  S deviatoric_energy(const S& squares, const S& J) const {
+    return broadcast<S>(0.5 * mu) * (isochoric_factor(J) * squares - broadcast<S>(Dim));
   }
 
   template <class S>

@@ -27,6 +27,7 @@ struct TimeOptions {
   Real end = 0;                   // [s]
   std::string end_where, dt_where;  // their places in the scene, for messages
   std::string integrator = "explicit";
+  DeformationUpdate deformation_update = DeformationUpdate::first_order;
   Real cfl = 0.4;
   std::optional<Real> dt;         // fixed step [s]
   std::optional<Real> max_dt;     // [s]

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/transfer/lanes.hpp"
 #include "mpm_hpc/transfer/scalar_transfer.hpp"
@@ -193,7 +194,7 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
         running_maximum_(running_maximum),
         lumped_(lumped) {
     const FieldSet& f = state.bodies[part.body].particles;
-    for (int c = 0; c < Dim * Dim; ++c) F_[c] = f.template data<T>(core::deformation_gradient, c);
+    columns_ = material_columns<T>(state, part.body);
     mass_ = f.template data<T>(core::mass);
     volume_ = f.template data<T>(core::volume);
     phase_ = f.template data<T>(part.phase);
@@ -229,8 +230,8 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
       const Index i = p - begin;
       Tensor<S, Dim> F;
       for (int c = 0; c < Dim * Dim; ++c) {
-        F.m[c] = load<S>(F_[c] + p);
-        prefetch_next_chunk(F_[c], p);
+        F.m[c] = load<S>(columns_.F[c] + p);
+        prefetch_next_chunk(columns_.F[c], p);
       }
       prefetch_next_chunk(volume_, p);
       prefetch_next_chunk(mass_, p);
@@ -252,7 +253,7 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
 
  private:
   void driving_energy(Index begin, Index end, T* energy) const {
-    material_.energy_plus(F_, begin, end, energy);
+    material_.energy_plus(columns_, begin, end, energy);
     if (history_)
       for (Index p = begin; p < end; ++p) energy[p - begin] = std::max(history_[p], energy[p - begin]);
     if (running_maximum_) std::copy(energy, energy + (end - begin), history_ + begin);
@@ -262,7 +263,7 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
   const PhaseLaw& law_;
   Real dt_;
   bool running_maximum_, lumped_;
-  const T* F_[Dim * Dim];
+  MaterialColumns<Dim, T> columns_;
   const T *mass_, *volume_, *phase_;
   T *conductivity_, *reaction_, *history_;
 };

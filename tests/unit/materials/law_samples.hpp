@@ -41,6 +41,13 @@ struct Traits<FixedCorotated<D>> {
   static FixedCorotated<D> law(Real mu = test_mu, Real lambda = test_lambda) { return {mu, lambda}; }
 };
 
+template <int D>
+struct Traits<Hencky<D>> {
+  static constexpr int dim = D;
+  static constexpr bool softens = false;
+  static Hencky<D> law(Real mu = test_mu, Real lambda = test_lambda) { return {mu, lambda}; }
+};
+
 template <int Dim>
 Tensor<double, Dim> to_tensor(const Mat<Dim>& a) {
   Tensor<double, Dim> t;

@@ -33,7 +33,7 @@ struct LawTest : testing::Test {
 };
 
 using Laws = testing::Types<NeoHookean<2>, NeoHookean<3>, SplitNeoHookean<2>, SplitNeoHookean<3>,
-                            FixedCorotated<2>, FixedCorotated<3>>;
+                            FixedCorotated<2>, FixedCorotated<3>, Hencky<2>, Hencky<3>>;
 TYPED_TEST_SUITE(LawTest, Laws);
 
 // The error of central differences falls as h^2 and reaches 1e-8 before roundoff takes over.
@@ -173,6 +173,55 @@ TYPED_TEST(LawTest, StepBoundsHoldAndAreExactAtRest) {
                 modulus + 0.34 * (std::max(modulus, least) + std::max(0.0, -lambda)));
     }
   }
+}
+
+// The energy of the stretches alone, which the work of a return is told from.
+TYPED_TEST(LawTest, EnergyOfStretchesIsTheEnergy) {
+  constexpr int dim = TestFixture::dim;
+  if constexpr (requires(double (&s)[dim]) { this->law.energy_of_stretches(s); }) {
+    for (const auto& [name, F] : sample_deformations<dim>()) {
+      const Vec<dim> values = (F * F.transpose()).eval().template selfadjointView<Eigen::Lower>().eigenvalues();
+      double s[dim];
+      for (int a = 0; a < dim; ++a) s[a] = std::sqrt(values[a]);
+      EXPECT_NEAR(this->law.energy_of_stretches(s), this->energy(F), 1e-13 * (this->energy(F) + test_mu)) << name;
+    }
+  }
+}
+
+// Linear in F - I, whose energy is a quadratic form, so that central differences are exact.
+template <int Dim>
+void expect_linear_elasticity() {
+  const LinearElastic<Dim> law{test_mu, test_lambda};
+  std::mt19937 generator(9);
+  const Mat<Dim> I = Mat<Dim>::Identity();
+  EXPECT_EQ(law.energy_density(to_tensor<Dim>(I)), 0);
+  for (int n = 0; n < 20; ++n) {
+    const Mat<Dim> F = I + 0.2 * random_matrix<Dim>(generator), strain = 0.5 * (F + F.transpose()) - I;
+    const Mat<Dim> P = to_matrix<Dim>(law.first_piola(to_tensor<Dim>(F)));
+    const Mat<Dim> hooke = 2 * test_mu * strain + test_lambda * strain.trace() * I;
+    EXPECT_LE((P - hooke).norm(), 1e-14 * hooke.norm());
+    EXPECT_EQ((to_matrix<Dim>(law.kirchhoff_stress(to_tensor<Dim>(F))) - P).norm(), 0);
+    EXPECT_NEAR(law.energy_density(to_tensor<Dim>(F)), 0.5 * strain.cwiseProduct(hooke).sum(), 1e-14 * hooke.norm());
+    const Mat<Dim> dF = random_matrix<Dim>(generator);
+    const double slope = (law.energy_density(to_tensor<Dim>(F + dF)) - law.energy_density(to_tensor<Dim>(F - dF))) / 2;
+    EXPECT_NEAR(slope, P.cwiseProduct(dF).sum(), 1e-13 * test_mu * dF.squaredNorm());
+    const Mat<Dim> dP = to_matrix<Dim>(law.first_piola_differential(to_tensor<Dim>(F), to_tensor<Dim>(dF)));
+    EXPECT_LE((to_matrix<Dim>(law.first_piola(to_tensor<Dim>(F + dF))) - P - dP).norm(), 1e-13 * dP.norm());
+
+    const Vec<Dim> s = Vec<Dim>::Constant(1) + 0.3 * Vec<Dim>::Random();
+    const Mat<Dim> A = principal_moduli<Dim>([&](const Tensor<double, Dim>& a) { return law.kirchhoff_stress(a); }, s);
+    const Mat<Dim> turned = random_rotation<Dim>(generator) * s.asDiagonal();
+    const double largest = largest_eigenvalue(A), modulus = A.diagonal().maxCoeff();
+    EXPECT_GE(law.stiffness_bound(to_tensor<Dim>(turned)), largest - 1e-7 * A.norm());
+    EXPECT_GE(law.wave_modulus(to_tensor<Dim>(turned)), modulus - 1e-7 * A.norm());
+    EXPECT_LE(law.wave_modulus(to_tensor<Dim>(turned)), 1.34 * modulus);
+  }
+  EXPECT_NEAR(law.stiffness_bound(to_tensor<Dim>(I)), 2 * test_mu + Dim * test_lambda, 1e-14 * test_lambda * 10);
+  EXPECT_NEAR(law.wave_modulus(to_tensor<Dim>(I)), 2 * test_mu + test_lambda, 1e-14 * test_lambda * 10);
+}
+TEST(LinearElasticTest, IsLinear) {
+  expect_linear_elasticity<2>();
+  expect_linear_elasticity<3>();
 }
 
 // Psi printed with the equations: F = diag(2, 1) and F = [[2, 1], [0, 1]].

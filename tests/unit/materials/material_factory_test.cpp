@@ -60,7 +60,7 @@ std::unique_ptr<Material<Dim>> read(const std::string& table) {
   return read<Dim>(table, make_material<Dim>);
 }
 std::unique_ptr<Material<3>> make_extended(Parameters& parameters, const std::string& name) {
-  return make_material_among<3>(ExtendedList{}, parameters, name);
+  return make_material_among<3>(ExtendedList{}, PlasticityList<3>{}, parameters, name);
 }
 
 std::string message_of(const std::string& table) {
@@ -100,9 +100,9 @@ void expect_wave_modulus(const char* model) {
   alignas(64) double one[8], zero[8];
   std::fill_n(one, 8, 1.0);
   std::fill_n(zero, 8, 0.0);
-  const double* F[Dim * Dim];
-  for (int k = 0; k < Dim * Dim; ++k) F[k] = k % (Dim + 1) == 0 ? one : zero;
-  const MaterialLimits limits = material->limits(F, 0, 8);
+  MaterialColumns<Dim, double> columns;
+  for (int k = 0; k < Dim * Dim; ++k) columns.F[k] = k % (Dim + 1) == 0 ? one : zero;
+  const MaterialLimits limits = material->limits(columns, 0, 8);
   const double expected = 32e9 * 0.8 / (1.2 * 0.6);
   EXPECT_NEAR(limits.wave_modulus, expected, 1e-13 * expected) << model;
   EXPECT_EQ(limits.min_jacobian, 1);
@@ -164,13 +164,13 @@ TEST(MaterialFactoryTest, ANewLawIsOneFileAndOneLine) {
   EXPECT_STREQ(material->model(), "springs");
   EXPECT_FALSE(material->splits_energy());
   EXPECT_FALSE(material->has_tangent());
-  alignas(64) float columns[9][16] = {}, out[16];
-  const float* F[9];
+  alignas(64) float storage[9][16] = {}, out[16];
+  MaterialColumns<3, float> columns;
   for (int k = 0; k < 9; ++k) {
-    if (k % 4 == 0) std::fill_n(columns[k], 16, k == 0 ? 1.5f : 1.0f);
-    F[k] = columns[k];
+    if (k % 4 == 0) std::fill_n(storage[k], 16, k == 0 ? 1.5f : 1.0f);
+    columns.F[k] = storage[k];
   }
-  material->energy_density(F, nullptr, 0, 0, 16, out);
+  material->energy_density(columns, 0, 16, out);
   for (const float energy : out) EXPECT_EQ(energy, 250);  // 2000/2 * 0.5^2
   try {
     require_ability_among<3>(ExtendedList{}, *material, MaterialAbility::tangent, "time.integrator");

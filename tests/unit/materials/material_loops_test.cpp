@@ -5,31 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "unit/materials/law_samples.hpp"
+#include "unit/materials/test_columns.hpp"
 
 namespace mpm::test {
 namespace {
-
-// Columns of `count` particles, each on a cache line of its own.
-template <class T>
-class Columns {
- public:
-  Columns(int components, int count, T value = 0) : count_(count) {
-    const int stride = (count + 63) / 64 * 64;
-    data_.assign(static_cast<std::size_t>(components * stride + 64), value);
-    auto address = reinterpret_cast<std::uintptr_t>(data_.data());
-    T* first = data_.data() + (64 - address % 64) % 64 / sizeof(T);
-    for (int k = 0; k < components; ++k) pointers_.push_back(first + k * stride);
-  }
-  Columns(const Columns&) = delete;
-  T* operator[](int component) const { return pointers_[component]; }
-  T* const* data() const { return pointers_.data(); }
-  int count() const { return count_; }
-
- private:
-  int count_;
-  std::vector<T> data_;
-  std::vector<T*> pointers_;
-};
 
 template <class Law_, class T_>
 struct Case {
@@ -63,6 +42,13 @@ struct MaterialLoopsTest : testing::Test {
     for (int k = 0; k < dim * dim; ++k) a.m[k] = F[k][p];
     return a;
   }
+  MaterialColumns<dim, T> columns(bool damaged = false, double residual = 0) const {
+    MaterialColumns<dim, T> c;
+    for (int k = 0; k < dim * dim; ++k) c.F[k] = F[k];
+    if (damaged) c.phase = phase[0];
+    c.residual = residual;
+    return c;
+  }
   // A few ulp of the largest terms that the formulas add up.
   double tolerance(int p) const {
     const auto a = deformation(p);
@@ -75,11 +61,12 @@ struct MaterialLoopsTest : testing::Test {
 using Cases = testing::Types<Case<NeoHookean<2>, double>, Case<NeoHookean<3>, double>,
                              Case<NeoHookean<2>, float>, Case<NeoHookean<3>, float>,
                              Case<SplitNeoHookean<2>, double>, Case<SplitNeoHookean<3>, double>,
-                             Case<SplitNeoHookean<2>, float>, Case<SplitNeoHookean<3>, float>>;
+                             Case<SplitNeoHookean<2>, float>, Case<SplitNeoHookean<3>, float>,
+                             Case<Hencky<2>, double>, Case<Hencky<3>, double>, Case<Hencky<2>, float>,
+                             Case<Hencky<3>, float>>;
 TYPED_TEST_SUITE(MaterialLoopsTest, Cases);
 
 TYPED_TEST(MaterialLoopsTest, StressEqualsPlainDoubles) {
-  using T = typename TestFixture::T;
   const auto check = [this](const auto& expected_of, const char* name) {
     for (int p = this->begin; p < this->end; ++p) {
       const auto expected = expected_of(p);
@@ -88,12 +75,11 @@ TYPED_TEST(MaterialLoopsTest, StressEqualsPlainDoubles) {
             << name << " " << p << " " << k;
     }
   };
-  this->material.stress(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
-                        this->tau.data());
+  this->material.stress(this->columns(), this->begin, this->end, this->tau.data());
   check([this](int p) { return this->law.kirchhoff_stress(this->deformation(p)); }, "undamaged");
   if constexpr (TestFixture::splits) {
     const double residual = 0.01;
-    this->material.stress(this->F.data(), this->phase[0], residual, this->begin, this->end, this->tau.data());
+    this->material.stress(this->columns(true, residual), this->begin, this->end, this->tau.data());
     check(
         [&, this](int p) {
           const double c = this->phase[0][p];
@@ -102,7 +88,7 @@ TYPED_TEST(MaterialLoopsTest, StressEqualsPlainDoubles) {
         "damaged");
   } else {
     EXPECT_THROW(
-        this->material.stress(this->F.data(), this->phase[0], 0, this->begin, this->end, this->tau.data()),
+        this->material.stress(this->columns(true), this->begin, this->end, this->tau.data()),
         LogicError);
   }
 }
@@ -117,15 +103,13 @@ TYPED_TEST(MaterialLoopsTest, EnergyEqualsPlainDoubles) {
       EXPECT_NEAR(this->out[0][p - this->begin], expected, rounding + 1e-14 * test_mu) << name << " " << p;
     }
   };
-  this->material.energy_density(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
-                                this->out[0]);
+  this->material.energy_density(this->columns(), this->begin, this->end, this->out[0]);
   check([this](int p) { return this->law.energy_density(this->deformation(p)); }, "all");
   if constexpr (TestFixture::splits) {
     const double residual = 0.01;
-    this->material.energy_plus(this->F.data(), this->begin, this->end, this->out[0]);
+    this->material.energy_plus(this->columns(), this->begin, this->end, this->out[0]);
     check([this](int p) { return this->law.energy_plus(this->deformation(p)); }, "plus");
-    this->material.energy_density(this->F.data(), this->phase[0], residual, this->begin, this->end,
-                                  this->out[0]);
+    this->material.energy_density(this->columns(true, residual), this->begin, this->end, this->out[0]);
     check(
         [&, this](int p) {
           const double c = this->phase[0][p];
@@ -133,10 +117,9 @@ TYPED_TEST(MaterialLoopsTest, EnergyEqualsPlainDoubles) {
         },
         "damaged");
   } else {
-    EXPECT_THROW(this->material.energy_plus(this->F.data(), this->begin, this->end, this->out[0]),
+    EXPECT_THROW(this->material.energy_plus(this->columns(), this->begin, this->end, this->out[0]),
                  LogicError);
-    EXPECT_THROW(this->material.energy_density(this->F.data(), this->phase[0], 0, this->begin, this->end,
-                                               this->out[0]),
+    EXPECT_THROW(this->material.energy_density(this->columns(true), this->begin, this->end, this->out[0]),
                  LogicError);
   }
 }
@@ -148,8 +131,7 @@ TYPED_TEST(MaterialLoopsTest, SmallEnergiesKeepTheirDigits) {
   for (int p = 0; p < this->end; ++p)
     for (int k = 0; k < dim * dim; ++k) this->F[k][p] = k % (dim + 1) == 0 ? 1 : 0;
   for (int p = 0; p < this->end; ++p) this->F[1][p] = static_cast<T>(1e-4);
-  this->material.energy_density(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
-                                this->out[0]);
+  this->material.energy_density(this->columns(), this->begin, this->end, this->out[0]);
   const double shear = this->F[1][0];  // J = 1 and tr b - d = shear^2 in simple shear
   for (int p = 0; p < this->end - this->begin; ++p)
     EXPECT_NEAR(this->out[0][p], 0.5 * test_mu * shear * shear, 1e-6 * 0.5 * test_mu * shear * shear);
@@ -157,7 +139,7 @@ TYPED_TEST(MaterialLoopsTest, SmallEnergiesKeepTheirDigits) {
 
 TYPED_TEST(MaterialLoopsTest, LimitsAreTheExtremesOfTheParticles) {
   using T = typename TestFixture::T;
-  const MaterialLimits limits = this->material.limits(this->F.data(), this->begin, this->end);
+  const MaterialLimits limits = this->material.limits(this->columns(), this->begin, this->end);
   MaterialLimits expected;
   for (int p = this->begin; p < this->end; ++p) {
     const auto a = this->deformation(p);
@@ -188,15 +170,41 @@ TYPED_TEST(MaterialLoopsTest, AdvanceDeformsByTheGradient) {
     }
     expected.push_back(F + dt * G * F);
   }
-  const MaterialLimits limits = this->material.advance(this->F.data(), gradient.data(), dt, this->begin, this->end);
+  const MaterialLimits limits =
+      this->material.advance(this->columns(), gradient.data(), {.dt = dt}, this->begin, this->end).limits;
   for (int p = this->begin; p < this->end; ++p)
     for (int k = 0; k < dim * dim; ++k)
       EXPECT_NEAR(this->F[k][p], expected[p - this->begin](k / dim, k % dim),
                   8 * epsilon * expected[p - this->begin].norm());
-  const MaterialLimits measured = this->material.limits(this->F.data(), this->begin, this->end);
+  const MaterialLimits measured = this->material.limits(this->columns(), this->begin, this->end);
   EXPECT_EQ(limits.stiffness, measured.stiffness);
   EXPECT_EQ(limits.wave_modulus, measured.wave_modulus);
   EXPECT_EQ(limits.min_jacobian, measured.min_jacobian);
+}
+
+// Ten turns of a rigid rotation in steps of |A| <= 0.2: det F grows by 1 + w^2, 1 + w^4/4 and not at all.
+TYPED_TEST(MaterialLoopsTest, RotationsKeepTheVolumeAsWellAsTheUpdateCan) {
+  using T = typename TestFixture::T;
+  constexpr int dim = TestFixture::dim, steps = 400, W = pack_width<T>;
+  const double angle = 20 * 3.14159265358979323846 / steps;
+  Columns<T> gradient{dim * dim, W}, J{1, W};
+  std::fill_n(gradient[1], W, T(-1));
+  std::fill_n(gradient[dim], W, T(1));
+  const std::pair<DeformationUpdate, double> cases[] = {
+      {DeformationUpdate::first_order, 1 + angle * angle},
+      {DeformationUpdate::second_order, 1 + std::pow(angle, 4) / 4},
+      {DeformationUpdate::exponential, 1}};
+  for (const auto& [update, factor] : cases) {
+    for (int k = 0; k < dim * dim; ++k) std::fill_n(this->F[k], W, T(k % (dim + 1) == 0));
+    for (int i = 0; i < steps; ++i)
+      this->material.advance(this->columns(), gradient.data(), {.dt = angle, .update = update}, 0, W);
+    this->material.jacobian(this->columns(), 0, W, J[0]);
+    const double expected = std::pow(factor, steps), rounding = steps * std::numeric_limits<T>::epsilon();
+    for (int p = 0; p < W; ++p) EXPECT_NEAR(J[0][p], expected, rounding * expected);
+    // The angle itself is right to the order of the update: whole turns bring F back to I.
+    if (update != DeformationUpdate::exponential) continue;
+    for (int k = 0; k < dim * dim; ++k) EXPECT_NEAR(this->F[k][0], k % (dim + 1) == 0 ? 1 : 0, 4 * rounding);
+  }
 }
 
 // In whatever lane and component it hides, before or after sound particles.
@@ -208,18 +216,18 @@ TYPED_TEST(MaterialLoopsTest, LimitsFindEveryBrokenParticle) {
     for (int k = 0; k < dim * dim; ++k) {
       const T sound = this->F[k][p];
       this->F[k][p] = std::numeric_limits<T>::quiet_NaN();
-      const MaterialLimits limits = this->material.limits(this->F.data(), this->begin, this->end);
+      const MaterialLimits limits = this->material.limits(this->columns(), this->begin, this->end);
       this->F[k][p] = sound;
       EXPECT_EQ(limits.stiffness, infinity);
       EXPECT_EQ(limits.wave_modulus, infinity);
       EXPECT_EQ(limits.min_jacobian, -infinity);
     }
     for (int i = 0; i < dim; ++i) this->F[i][p] *= -1;  // the first row: det F < 0
-    EXPECT_LT(this->material.limits(this->F.data(), this->begin, this->end).min_jacobian, 0);
+    EXPECT_LT(this->material.limits(this->columns(), this->begin, this->end).min_jacobian, 0);
     for (int i = 0; i < dim; ++i) this->F[i][p] *= -1;
   }
-  EXPECT_LT(this->material.limits(this->F.data(), this->begin, this->end).stiffness, infinity);
-  EXPECT_GT(this->material.limits(this->F.data(), this->begin, this->end).min_jacobian, 0);
+  EXPECT_LT(this->material.limits(this->columns(), this->begin, this->end).stiffness, infinity);
+  EXPECT_GT(this->material.limits(this->columns(), this->begin, this->end).min_jacobian, 0);
 }
 
 // A NaN in F reaches the stress, and doesn't leave its lane.
@@ -227,16 +235,14 @@ TYPED_TEST(MaterialLoopsTest, StressPassesNaNOn) {
   using T = typename TestFixture::T;
   const int bad = this->begin + 3;
   this->F[0][bad] = std::numeric_limits<T>::quiet_NaN();
-  this->material.stress(this->F.data(), static_cast<const T*>(nullptr), 0, this->begin, this->end,
-                        this->tau.data());
+  this->material.stress(this->columns(), this->begin, this->end, this->tau.data());
   for (int p = this->begin; p < this->end; ++p)
     EXPECT_EQ(std::isnan(this->tau[0][p - this->begin]), p == bad) << p;
 }
 
 TEST(MaterialLimitsTest, OfNoParticlesRestrictNothing) {
   const MaterialLoops<NeoHookean<3>, 3> material({.name = "plate", .density = 1000}, {1, 1});
-  const double* none[9] = {};
-  const MaterialLimits limits = material.limits(none, 8, 8);
+  const MaterialLimits limits = material.limits(MaterialColumns<3, double>(), 8, 8);
   EXPECT_EQ(limits.stiffness, 0);
   EXPECT_EQ(limits.wave_modulus, 0);
   EXPECT_EQ(limits.min_jacobian, std::numeric_limits<double>::infinity());

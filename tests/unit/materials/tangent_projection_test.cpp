@@ -12,7 +12,7 @@ namespace {
 template <class Law>
 struct TangentProjectionTest : testing::Test {};
 using Laws = testing::Types<NeoHookean<2>, NeoHookean<3>, SplitNeoHookean<2>, SplitNeoHookean<3>,
-                            FixedCorotated<2>, FixedCorotated<3>>;
+                            FixedCorotated<2>, FixedCorotated<3>, Hencky<2>, Hencky<3>>;
 TYPED_TEST_SUITE(TangentProjectionTest, Laws);
 
 TYPED_TEST(TangentProjectionTest, IsTheSemiDefinitePartOfTheTangent) {
