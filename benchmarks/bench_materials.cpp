@@ -1,10 +1,11 @@
-// The material laws and the polar decomposition by themselves: packs of particles against one particle at a time.
-#include <optional>
+// The material laws, plasticity rules and decompositions by themselves: packs of particles against one particle at a time, and
+// every material against neo-Hookean.
+#include <Eigen/Eigenvalues>
 #include <random>
 
 #include "counted.hpp"
 #include "elastic_block.hpp"
-#include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/materials/material_list.hpp"
 #include "mpm_hpc/materials/material_loops.hpp"
 #include "roofline.hpp"
@@ -133,6 +134,118 @@ void bench_stress(benchmark::State& bench, const Communicator& communicator, int
   }
 }
 
+// A material of the scene with particles of its own, which a step stretches to and fro.
+template <int Dim, class T>
+class MaterialBlock {
+ public:
+  MaterialBlock(const std::string& keys, int count) : body_("", 0, Deformations<Dim, T>::precision), gradient_(Dim * Dim) {
+    Parameters parameters = Parameters::read_text("density = 1000\n" + keys, "material", {});
+    material_ = make_material<Dim>(parameters, "block");
+    const std::vector<OwnColumn> own = material_->own_columns();
+    add_own_columns(*material_, Deformations<Dim, T>::precision, body_.particles);
+    FieldSet& fields = body_.particles;
+    fields.resize(count);
+    std::mt19937_64 generator(1);
+    std::uniform_real_distribution<Real> entry(-distortion, distortion);
+    for (int c = 0; c < Dim * Dim; ++c) {
+      columns_.F[c] = fields.template data<T>(core::deformation_gradient, c);
+      columns_.velocity_gradient[c] = fields.template data<T>(core::velocity_gradient, c);
+      for (Index p = 0; p < count; ++p) {
+        columns_.F[c][p] = static_cast<T>((c % (Dim + 1) == 0) + strain * entry(generator));
+        fields.template data<T>(core::velocity_gradient, c)[p] = static_cast<T>(strain * entry(generator));
+      }
+    }
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      columns_.own[k] = fields.template data<T>(core::count + static_cast<int>(k));
+      std::fill_n(columns_.own[k], count, static_cast<T>(own[k].initial));
+    }
+    columns_.volume = fields.template data<T>(core::volume);
+    std::fill_n(fields.template data<T>(core::volume), count, T(1));
+  }
+
+  void stress() {
+    alignas(64) T storage[SymTensor<T, Dim>::size][chunk_particles];
+    T* tau[SymTensor<T, Dim>::size];
+    for (int c = 0; c < SymTensor<T, Dim>::size; ++c) tau[c] = storage[c];
+    for_chunks([&](Index begin, Index end) {
+      material_->stress(columns_, begin, end, tau);
+      asm volatile("" : : "r"(tau) : "memory");
+    });
+  }
+  void advance() {
+    const DeformationStep step{.dt = direction_ * Real(1)};
+    direction_ = -direction_;
+    for_chunks([&](Index begin, Index end) {
+      for (int c = 0; c < Dim * Dim; ++c) gradient_[c] = columns_.velocity_gradient[c] + begin;
+      work_ += material_->advance(columns_, gradient_.data(), step, begin, end).plastic_work;
+    });
+  }
+
+ private:
+  static constexpr Real strain = 0.2;  // of the distortion: some yield strains
+  void for_chunks(auto&& f) {
+    for (Index begin = 0; begin < body_.particles.size(); begin += chunk_particles)
+      f(begin, std::min<Index>(begin + chunk_particles, body_.particles.size()));
+  }
+
+  Body<Dim> body_;
+  std::unique_ptr<Material<Dim>> material_;
+  MaterialColumns<Dim, T> columns_;
+  std::vector<const T*> gradient_;
+  Real direction_ = 1, work_ = 0;
+};
+
+// Every model and rule of the scenes, with limits that the block reaches.
+std::vector<std::pair<std::string, std::string>> material_keys() {
+  const std::string elastic = "youngs_modulus = 1e6\npoisson_ratio = 0.3\n", fluid = "bulk_modulus = 1e6\n",
+                    mises = "[plasticity]\nmodel = \"von_mises\"\nyield_stress = 1e4\nhardening_modulus = 1e4\n",
+                    tresca = "[plasticity]\nmodel = \"tresca\"\nyield_stress = 1e4\n",
+                    ellipse = "friction_angle = 0.7\ncohesion = 0.5\ninitial_plastic_volume = 0.99\n";
+  std::vector<std::pair<std::string, std::string>> cases;
+  const auto add = [&cases](const std::string& name, const std::string& model, const std::string& keys) {
+    cases.emplace_back(name, "model = \"" + model + "\"\n" + keys);
+  };
+  for (const char* model : {"neo_hookean", "split_neo_hookean", "fixed_corotated", "hencky", "linear_elastic", "snow"})
+    add(model, model, elastic);
+  add("linear_fluid", "linear_fluid", fluid);
+  add("viscous_fluid", "linear_fluid", fluid + "viscosity = 1\n");
+  add("tait_fluid", "tait_fluid", fluid);
+  add("lazy_liquid", "lazy_liquid", fluid);
+  add("hencky+tresca", "hencky", elastic + tresca);
+  add("hencky+von_mises", "hencky", elastic + mises);
+  add("split_neo_hookean+von_mises", "split_neo_hookean", elastic + mises);
+  add("hencky+drucker_prager", "hencky", elastic + "[plasticity]\nmodel = \"drucker_prager\"\nfriction_angle = 0.5\n");
+  add("hencky+modified_cam_clay", "hencky", elastic + "[plasticity]\nmodel = \"modified_cam_clay\"\n" + ellipse);
+  add("split_neo_hookean+nacc", "split_neo_hookean", elastic + "[plasticity]\nmodel = \"nacc\"\n" + ellipse);
+  return cases;
+}
+
+// What a step asks of a material, stress and advance, over what it asks of neo-Hookean.
+template <int Dim, class T>
+void bench_material(benchmark::State& bench, const Communicator& communicator, int count, const std::string& keys) {
+  MaterialBlock<Dim, T> block(keys, count), neo_hookean(material_keys().front().second, count);
+  for (auto unused : bench) {
+    (void)unused;
+    const auto times = time_in_turns(communicator, rounds,
+                                     {[&] { block.stress(); }, [&] { block.advance(); }, [&] { neo_hookean.stress(); },
+                                      [&] { neo_hookean.advance(); },
+                                      [&] {
+                                        block.stress();
+                                        block.advance();
+                                      },
+                                      [&] {
+                                        neo_hookean.stress();
+                                        neo_hookean.advance();
+                                      }});
+    bench.counters["stress_to_neo_hookean"] = median_ratio(times, 0, 2);
+    bench.counters["advance_to_neo_hookean"] = median_ratio(times, 1, 3);
+    bench.counters["both_to_neo_hookean"] = median_ratio(times, 4, 5);
+    const double fastest = *std::min_element(times[4].begin(), times[4].end());
+    bench.counters["ns_per_particle"] = 1e9 * fastest / count;
+    bench.SetIterationTime(fastest);
+  }
+}
+
 template <int Dim, class T>
 void bench_polar(benchmark::State& bench, const Communicator& communicator, int count, Real inverted) {
   using S = Pack<T>;
@@ -162,20 +275,52 @@ void bench_polar(benchmark::State& bench, const Communicator& communicator, int 
 }
 
 template <int Dim, class T>
+void bench_eigen(benchmark::State& bench, const Communicator& communicator, int count) {
+  using S = Pack<T>;
+  Deformations<Dim, T> deformations(count);
+  const Work work{deformations.bytes(), deformations.operations([](const auto& F) { symmetric_eigen(left_cauchy_green(F)); })};
+  for (auto unused : bench) {
+    (void)unused;
+    const auto times = time_in_turns(
+        communicator, rounds,
+        {[&] {
+           for (int i = 0; i < repeats; ++i)
+             deformations.template for_chunks<Dim>([&](Index begin, Index end, T* const* out) {
+               for (Index p = begin; p < end; p += pack_width<T>) {
+                 const auto eigen = symmetric_eigen(left_cauchy_green(load_tensor<S, Dim>(deformations.columns().F, p)));
+                 for (int c = 0; c < Dim; ++c) store(out[c] + (p - begin), S(eigen.values[c] * eigen.vectors(0, c)));
+               }
+             });
+         },
+         [&] {
+           for (ReferenceParticle<Dim>& p : deformations.particles()) {
+             const Eigen::SelfAdjointEigenSolver<Mat<Dim>> eigen(p.F * p.F.transpose());
+             p.tau = eigen.eigenvectors() * eigen.eigenvalues().asDiagonal();
+           }
+         }});
+    report_kernel(bench, communicator, times, repeats, deformations.count(), deformations.precision, work);
+  }
+}
+
+template <int Dim, class T>
 void register_scalar(const Communicator& communicator, const char* size, int count) {
   const std::string place =
       fmt::format("{}/{}d_{}", std::is_same_v<T, float> ? "single" : "double", Dim, size);
   [&]<class... Law>(LawList<Law...>) {
-    (add_case(fmt::format("stress/{}/{}", Law::name, place),
-              [&communicator, count](benchmark::State& bench) {
-                try {
-                  bench_stress<Law, Dim, T>(bench, communicator, count);
-                } catch (const UserError& error) {  // the law asks for a key that make_law() doesn't give
-                  bench.SkipWithError(error.what());
-                }
-              }),
-     ...);
+    const auto add = [&]<class L>() {
+      if constexpr (SolidLaw<L, Dim> && requires(L law) { law.mu; })
+        add_case(fmt::format("stress/{}/{}", L::name, place), [&communicator, count](benchmark::State& bench) {
+          bench_stress<L, Dim, T>(bench, communicator, count);
+        });
+    };
+    (add.template operator()<Law>(), ...);
   }(MaterialList<Dim>{});
+  for (const auto& [name, keys] : material_keys())
+    add_case(fmt::format("material/{}/{}", name, place), [&communicator, count, keys = keys](benchmark::State& bench) {
+      bench_material<Dim, T>(bench, communicator, count, keys);
+    });
+  add_case(fmt::format("eigen/{}", place),
+           [&communicator, count](benchmark::State& bench) { bench_eigen<Dim, T>(bench, communicator, count); });
   // In 2D the rotation has a closed form for every F.
   for (const int percent : {0, 1})
     if (Dim == 3 || percent == 0)

@@ -109,7 +109,7 @@ void expect_wave_modulus(const char* model) {
 }
 
 TEST(MaterialFactoryTest, ConstantsAreThoseOfASolidOrPlaneStrain) {
-  for (const char* model : {"neo_hookean", "split_neo_hookean"}) {
+  for (const char* model : {"neo_hookean", "split_neo_hookean", "fixed_corotated", "hencky", "linear_elastic"}) {
     expect_wave_modulus<2>(model);
     expect_wave_modulus<3>(model);
   }
@@ -147,6 +147,66 @@ TEST(MaterialFactoryTest, NamesTheModelsThatWouldDo) {
   }
 }
 
+const std::string plastic = "[material.glass.plasticity]\n";
+
+TEST(MaterialFactoryTest, JoinsPlasticityToALaw) {
+  const auto sand = read<3>("model = \"hencky\"\n" + keys + plastic + "model = \"drucker_prager\"\nfriction_angle = \"30 deg\"\n");
+  EXPECT_STREQ(sand->model(), "hencky");
+  EXPECT_STREQ(sand->plasticity(), "drucker_prager");
+  ASSERT_EQ(sand->own_columns().size(), 1u);
+  EXPECT_STREQ(sand->own_columns()[0].name, "lost_volume_strain");
+  // What a rule is told to do without it has no column for.
+  EXPECT_TRUE(read<3>("model = \"hencky\"\n" + keys + plastic +
+                      "model = \"drucker_prager\"\nfriction_angle = 0.5\nvolume_correction = false\n")
+                  ->own_columns()
+                  .empty());
+  const auto bread = read<2>("model = \"split_neo_hookean\"\nfracture_toughness = 1\n" + keys + plastic +
+                             "model = \"nacc\"\nfriction_angle = \"45 deg\"\ninitial_plastic_volume = 0.97\n");
+  EXPECT_TRUE(bread->splits_energy());
+  ASSERT_EQ(bread->own_columns().size(), 1u);
+  EXPECT_NEAR(bread->own_columns()[0].initial, std::log(0.97), 1e-15);
+  EXPECT_EQ(bread->guards().size(), 2u);
+  // Snow brings its plasticity with it.
+  const auto snow = read<3>("model = \"snow\"\ncritical_stretch = 0.005\n" + keys);
+  EXPECT_STREQ(snow->plasticity(), "clamped_stretches");
+  EXPECT_EQ(snow->own_columns()[0].initial, 1);
+  // Without plasticity there is nothing of it.
+  const auto elastic = read<3>("model = \"hencky\"\n" + keys);
+  EXPECT_EQ(elastic->plasticity(), nullptr);
+  EXPECT_TRUE(elastic->own_columns().empty() && elastic->guards().empty());
+}
+
+TEST(MaterialFactoryTest, RefusesPlasticityThatDoesNotSuit) {
+  using testing::AllOf;
+  using testing::HasSubstr;
+  using testing::Not;
+  const auto with = [](const std::string& model, const std::string& rule) {
+    return message_of("model = \"" + model + "\"\n" + keys + plastic + rule);
+  };
+  const std::string mises = "model = \"von_mises\"\nyield_stress = 1e6\n", cone = "model = \"drucker_prager\"\nfriction_angle = 0.5\n";
+  EXPECT_EQ(with("split_neo_hookean", mises), "no error");
+  EXPECT_THAT(with("neo_hookean", mises), AllOf(HasSubstr("plate.toml:7"), HasSubstr("\"von_mises\" of material.glass"),
+                                                HasSubstr("model = \"neo_hookean\""),
+                                                HasSubstr("\"split_neo_hookean\", \"hencky\"")));
+  EXPECT_THAT(with("split_neo_hookean", cone), AllOf(HasSubstr("can carry it: \"hencky\"."), Not(HasSubstr("snow"))));
+  EXPECT_THAT(with("snow", mises), HasSubstr("which has its own"));
+  EXPECT_THAT(message_of("model = \"linear_fluid\"\ndensity = 1\nbulk_modulus = 1\n" + plastic + mises), HasSubstr("can carry it"));
+  EXPECT_THAT(with("hencky", "model = \"von_mieses\"\n"), HasSubstr("did you mean \"von_mises\""));
+  EXPECT_THAT(with("hencky", "model = \"von_mises\"\n"), HasSubstr("yield_stress"));
+  EXPECT_THAT(with("hencky", "model = \"tresca\"\nyield_stress = 0\n"), HasSubstr("yield_stress"));
+  EXPECT_THAT(with("hencky", mises + "hardening_modulus = -1\n"), HasSubstr("hardening_modulus"));
+  EXPECT_THAT(with("hencky", "model = \"drucker_prager\"\nfriction_angle = 0\n"), HasSubstr("friction_angle"));
+  EXPECT_THAT(with("hencky", "model = \"drucker_prager\"\nfriction_angle = \"90 deg\"\n"), HasSubstr("friction_angle"));
+  EXPECT_THAT(with("hencky", mises + "cohesion = 1\n"), HasSubstr("cohesion"));
+  const std::string nacc = "model = \"nacc\"\nfriction_angle = 0.7\n";
+  EXPECT_EQ(with("split_neo_hookean", nacc), "no error");
+  EXPECT_THAT(with("split_neo_hookean", nacc + "cohesion = -0.1\n"), HasSubstr("cohesion"));
+  EXPECT_THAT(with("split_neo_hookean", nacc + "initial_plastic_volume = 0\n"), HasSubstr("initial_plastic_volume"));
+  EXPECT_THAT(with("split_neo_hookean", nacc + "initial_plastic_volume = 1e-5\n"), HasSubstr("must not exceed"));
+  EXPECT_THAT(with("split_neo_hookean", nacc + "return = \"other\"\n"), HasSubstr("volume_preserving"));
+  EXPECT_THAT(with("fixed_corotated", "model = \"clamped_stretches\"\ncritical_compression = 1\n"), HasSubstr("critical_compression"));
+}
+
 TEST(MaterialFactoryTest, DescribesEveryModel) {
   Parameters parameters = Parameters::describe();
   parameters.named_sections("material", [&](Parameters& p, const std::string& name) {
@@ -154,6 +214,7 @@ TEST(MaterialFactoryTest, DescribesEveryModel) {
   });
   const std::string text = parameters.describe_text();
   for (const char* word : {"neo_hookean", "split_neo_hookean", "springs", "youngs_modulus", "spring_modulus",
+                           "linear_fluid", "viscosity", "snow", "drucker_prager", "friction_angle", "yield_stress",
                            "fracture_toughness", "density"})
     EXPECT_THAT(text, testing::HasSubstr(word));
 }
