@@ -224,6 +224,15 @@ std::string closing_table(const RunReport& report) {
   return text;
 }
 
+namespace {
+
+template <int Dim>
+std::string with_plasticity(const Material<Dim>& material) {
+  return material.plasticity() ? fmt::format("{} with {}", material.model(), material.plasticity()) : material.model();
+}
+
+}  // namespace
+
 template <int Dim>
 std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<Dim>>>& effects) {
   const Communicator& communicator = state.communicator();
@@ -239,7 +248,8 @@ std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<
     const Body<Dim>& body = state.bodies[b];
     const GlobalIndex count = communicator.sum(static_cast<GlobalIndex>(body.real_particles()));
     text += fmt::format("body \"{}\": {} particles of {} ({}), {} bytes each:", body.name, count,
-                        state.material_of(b).name(), state.material_of(b).model(), body.particles.bytes_per_particle());
+                        state.material_of(b).name(), with_plasticity(state.material_of(b)),
+                        body.particles.bytes_per_particle());
     for (FieldId f = 0; f < body.particles.count(); ++f) {
       const FieldTraits& t = body.particles.traits(f);
       if (body.particles.has(f)) text += fmt::format(" {}[{}]", t.name, t.components);

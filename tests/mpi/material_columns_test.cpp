@@ -111,6 +111,37 @@ TYPED_TEST(MaterialBodies, RunTogether) {
   EXPECT_EQ(state.communicator().sum(wrong), 0);
 }
 
+// The phase field weakens a plastic body whose law splits its energy, and the returns go on.
+TYPED_TEST(MaterialBodies, BreakAndFlowTogether) {
+  constexpr int Dim = TypeParam::value;
+  const std::string rules[] = {"model = \"nacc\"\nfriction_angle = \"45 deg\"\ncohesion = 2\ninitial_plastic_volume = 0.95\n",
+                               "model = \"von_mises\"\nyield_stress = 5e3\nhardening_modulus = 1e4\n"};
+  for (const std::string& rule : rules) {
+    std::string text = scene_text<Dim>();
+    const std::size_t table = text.find("[material.bread]"), end = text.find("[material.rubber]");
+    text.replace(table, end - table,
+                 "[material.bread]\nmodel = \"split_neo_hookean\"\ndensity = 1000\nyoungs_modulus = 1e5\npoisson_ratio = 0.3\n"
+                 "fracture_toughness = 20\n[material.bread.plasticity]\n" + rule);
+    test::SceneWorld<Dim> world(text + "[effect.phase_field]\nmobility = 1e3\n");
+    State<Dim>& state = world.state;
+    ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
+    integrator.initialise(state);
+    for (int step = 0; step < (Dim == 2 ? 150 : 60); ++step) {
+      state.dt = integrator.stable_step(state);
+      state.observed = true;
+      integrator.step(state);
+    }
+    const auto row = history_row(state, world.scene.effects);
+    const Real phase = value_of<Dim>(row, "min_phase"), work = value_of<Dim>(row, "plastic_work");
+    if (test::rank() == 0)
+      std::printf("%dD: least c %.6f, fracture energy %.6g J, plastic work %.6g J\n", Dim, phase,
+                  value_of<Dim>(row, "fracture_energy"), work);
+    EXPECT_LT(phase, 0.9);
+    EXPECT_GE(phase, 0);
+    EXPECT_GT(work, 0);
+  }
+}
+
 // Sum over the particles of each body's own columns, weighed by their identities.
 template <int Dim>
 std::vector<Real> fingerprint(const State<Dim>& state) {
