@@ -121,12 +121,13 @@ struct Survey {
   GlobalIndex count = 0;
   Vec<Dim> lower = Vec<Dim>::Constant(std::numeric_limits<Real>::infinity()), upper = -lower;
   std::optional<Vec<Dim>> outside;  // a particle outside of the domain
-  bool has_volumes = false;
+  bool has_volumes = false, has_deformations = false;
 
   Survey(const ParticleShare<Dim>& share, const GridGeometry<Dim>& geometry) {
     share.for_each_piece([&](const PointCloud<Dim>& piece) {
       count += static_cast<GlobalIndex>(piece.positions.size());
       has_volumes = has_volumes || !piece.volumes.empty();
+      has_deformations = has_deformations || !piece.deformation_gradients.empty();
       for (const Vec<Dim>& x : piece.positions) {
         lower = lower.cwiseMin(x);
         upper = upper.cwiseMax(x);
@@ -221,6 +222,10 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
                                   "and domain.upper",
                                   definition.where, definition.name, place));
     });
+    require(state.bodies[b].particles.has(core::deformation_gradient) || !communicator.any(survey.has_deformations),
+            "{}: body \"{}\" is a fluid, which has no deformation gradient to take from its point cloud; leave it out of the "
+            "file",
+            definition.where, definition.name);
     const GlobalIndex first_id = next_id + communicator.exclusive_sum(survey.count);
     next_id += total;
     const Vec<Dim> centre = middle(communicator, definition, survey);

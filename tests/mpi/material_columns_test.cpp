@@ -1,11 +1,12 @@
 // Bodies of laws with columns of their own, and without F, through steps, migration, history, frames and checkpoints.
+#include "mpm_hpc/effects/material_columns.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cstdio>
 #include <fstream>
 #include <memory>
 
-#include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/simulation/diagnostics.hpp"
 #include "mpm_hpc/simulation/run.hpp"
 #include "mpm_hpc/time/explicit_integrator.hpp"
@@ -24,22 +25,25 @@ std::string scene_text(const std::string& rest = "") {
   };
   auto ball = [&](const char* name, Real x, Real y, Real speed) {
     return fmt::format(
-        "[[body]]\nname = \"{0}\"\nmaterial = \"{0}\"\nshape = {{type = \"sphere\", center = {1}, radius = 0.3}}\n"
+        "[[body]]\nname = \"{0}\"\nmaterial = \"{0}\"\nshape = {{type = \"sphere\", center = {1}, radius = "
+        "0.3}}\n"
         "velocity = {2}\n",
         name, list(x, y, 0.5), list(speed, 0, 0));
   };
   const std::string elastic = "density = 1000\nyoungs_modulus = 1e5\npoisson_ratio = 0.3\n";
-  return fmt::format("dimension = {}\n", Dim) + rest + "[domain]\nlower = " + list(0, 0, 0) + "\nupper = " + list(3, 2, 1) +
+  return fmt::format("dimension = {}\n", Dim) + rest + "[domain]\nlower = " + list(0, 0, 0) +
+         "\nupper = " + list(3, 2, 1) +
          "\n[grid]\nspacing = 0.1\n[time]\nend = 0.1\ndeformation_update = \"exponential\"\n"
-         "[material.sand]\nmodel = \"hencky\"\n" + elastic +
+         "[material.sand]\nmodel = \"hencky\"\n" +
+         elastic +
          "[material.sand.plasticity]\nmodel = \"drucker_prager\"\nfriction_angle = \"30 deg\"\n"
          "[material.water]\nmodel = \"tait_fluid\"\ndensity = 1000\nbulk_modulus = 1e5\nviscosity = 10\n"
-         "[material.snow]\nmodel = \"snow\"\n" + elastic +
-         "[material.bread]\nmodel = \"split_neo_hookean\"\n" + elastic +
+         "[material.snow]\nmodel = \"snow\"\n" +
+         elastic + "[material.bread]\nmodel = \"split_neo_hookean\"\n" + elastic +
          "[material.bread.plasticity]\nmodel = \"nacc\"\nfriction_angle = \"45 deg\"\ncohesion = 0.5\n"
-         "[material.rubber]\nmodel = \"neo_hookean\"\n" + elastic +
-         ball("sand", 1.1, 0.5, 2) + ball("water", 1.1, 1.5, 2) + ball("rubber", 1.8, 0.5, -2) + ball("bread", 1.8, 1.5, -2) +
-         ball("snow", 0.4, 0.5, 2);
+         "[material.rubber]\nmodel = \"neo_hookean\"\n" +
+         elastic + ball("sand", 1.1, 0.5, 2) + ball("water", 1.1, 1.5, 2) + ball("rubber", 1.8, 0.5, -2) +
+         ball("bread", 1.8, 1.5, -2) + ball("snow", 0.4, 0.5, 2);
 }
 
 template <class D>
@@ -92,9 +96,11 @@ TYPED_TEST(MaterialBodies, RunTogether) {
   const Real residual = value_of<Dim>(after, "energy_residual");
   const Real momentum = std::sqrt(2 * kinetic * value_of<Dim>(before, "mass"));
   if (test::rank() == 0)
-    std::printf("%dD: t = %.4g s, kinetic energy %.6g -> %.6g J, elastic %.6g J, plastic work %.8g J, residual %.3g J\n", Dim,
-                state.time, kinetic, value_of<Dim>(after, "kinetic_energy"), value_of<Dim>(after, "elastic_energy"), work,
-                residual);
+    std::printf(
+        "%dD: t = %.4g s, kinetic energy %.6g -> %.6g J, elastic %.6g J, plastic work %.8g J, residual %.3g "
+        "J\n",
+        Dim, state.time, kinetic, value_of<Dim>(after, "kinetic_energy"),
+        value_of<Dim>(after, "elastic_energy"), work, residual);
   EXPECT_EQ(value_of<Dim>(before, "plastic_work"), 0);
   EXPECT_GT(work, 1e-3 * kinetic);
   EXPECT_LT(work, kinetic);
@@ -106,7 +112,8 @@ TYPED_TEST(MaterialBodies, RunTogether) {
     const FieldSet& f = state.bodies[b].particles;
     const std::size_t own = state.material_of(b).own_columns().size();
     for (std::size_t k = 0; k < own; ++k)
-      for (Index p = 0; p < f.size(); ++p) wrong += !(std::abs(f.template data<Real>(core::count + static_cast<int>(k))[p]) < 2);
+      for (Index p = 0; p < f.size(); ++p)
+        wrong += !(std::abs(f.template data<Real>(core::count + static_cast<int>(k))[p]) < 2);
   }
   EXPECT_EQ(state.communicator().sum(wrong), 0);
 }
@@ -114,14 +121,17 @@ TYPED_TEST(MaterialBodies, RunTogether) {
 // The phase field weakens a plastic body whose law splits its energy, and the returns go on.
 TYPED_TEST(MaterialBodies, BreakAndFlowTogether) {
   constexpr int Dim = TypeParam::value;
-  const std::string rules[] = {"model = \"nacc\"\nfriction_angle = \"45 deg\"\ncohesion = 2\ninitial_plastic_volume = 0.95\n",
-                               "model = \"von_mises\"\nyield_stress = 5e3\nhardening_modulus = 1e4\n"};
+  const std::string rules[] = {
+      "model = \"nacc\"\nfriction_angle = \"45 deg\"\ncohesion = 2\ninitial_plastic_volume = 0.95\n",
+      "model = \"von_mises\"\nyield_stress = 5e3\nhardening_modulus = 1e4\n"};
   for (const std::string& rule : rules) {
     std::string text = scene_text<Dim>();
     const std::size_t table = text.find("[material.bread]"), end = text.find("[material.rubber]");
     text.replace(table, end - table,
-                 "[material.bread]\nmodel = \"split_neo_hookean\"\ndensity = 1000\nyoungs_modulus = 1e5\npoisson_ratio = 0.3\n"
-                 "fracture_toughness = 20\n[material.bread.plasticity]\n" + rule);
+                 "[material.bread]\nmodel = \"split_neo_hookean\"\ndensity = 1000\nyoungs_modulus = "
+                 "1e5\npoisson_ratio = 0.3\n"
+                 "fracture_toughness = 20\n[material.bread.plasticity]\n" +
+                     rule);
     test::SceneWorld<Dim> world(text + "[effect.phase_field]\nmobility = 1e3\n");
     State<Dim>& state = world.state;
     ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
@@ -163,7 +173,8 @@ std::vector<Real> fingerprint(const State<Dim>& state) {
 TEST(MaterialBodiesOutput, FramesHistoryAndCheckpointHoldTheirColumns) {
   test::SharedTemporaryFolder folder;
   const std::string text = scene_text<2>(
-      "[output]\nfields = [\"jacobian\", \"von_mises\", \"deformation_gradient\", \"volume_change\", \"lost_volume_strain\"]\n");
+      "[output]\nfields = [\"jacobian\", \"von_mises\", \"deformation_gradient\", \"volume_change\", "
+      "\"lost_volume_strain\"]\n");
   const auto run = [&](const std::string& name, int steps, const std::filesystem::path& from) {
     Parameters parameters = Parameters::read_text(text, "scene.toml");
     read_dimension(parameters);
@@ -190,7 +201,8 @@ TEST(MaterialBodiesOutput, FramesHistoryAndCheckpointHoldTheirColumns) {
     EXPECT_EQ(one[b] != 0, !whole->state().material_of(b).own_columns().empty());
   }
   const Communicator& c = whole->state().communicator();
-  const Real work = c.sum(whole->state().ledger["plastic_work"]), resumed = c.sum(again->state().ledger["plastic_work"]);
+  const Real work = c.sum(whole->state().ledger["plastic_work"]),
+             resumed = c.sum(again->state().ledger["plastic_work"]);
   EXPECT_GT(work, 0);
   EXPECT_NEAR(resumed, work, 1e-12 * work);
   std::ifstream file(folder / "whole" / "history.csv");

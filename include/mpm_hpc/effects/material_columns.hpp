@@ -21,7 +21,8 @@ MaterialColumns<Dim, T> material_columns(const State<Dim>& state, std::size_t bo
   const FieldSet& fields = state.bodies[body].particles;
   MaterialColumns<Dim, T> columns;
   for (int c = 0; c < Dim * Dim; ++c) {
-    if (fields.has(core::deformation_gradient)) columns.F[c] = fields.template data<T>(core::deformation_gradient, c);
+    if (fields.has(core::deformation_gradient))
+      columns.F[c] = fields.template data<T>(core::deformation_gradient, c);
     if (fields.has(core::velocity_gradient))
       columns.velocity_gradient[c] = fields.template data<T>(core::velocity_gradient, c);
   }

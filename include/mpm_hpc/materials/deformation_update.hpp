@@ -15,7 +15,8 @@ inline constexpr int exponential_terms = sizeof(Scalar) == 8 ? 12 : 7;
 
 // (I + A + ... + A^terms / terms!) F by Horner's rule.
 template <class S, int Dim>
-[[gnu::noinline]] Tensor<S, Dim> taylor_deformed(int terms, const Tensor<S, Dim>& A, const Tensor<S, Dim>& F) {
+[[gnu::noinline]] Tensor<S, Dim> taylor_deformed(int terms, const Tensor<S, Dim>& A,
+                                                 const Tensor<S, Dim>& F) {
   Tensor<S, Dim> sum = F;
   for (int n = terms; n > 0; --n) sum = F + broadcast<S>(1.0 / n) * multiply(A, sum);
   return sum;

@@ -69,8 +69,8 @@ struct FluidModel {
 
   // J <- J (1 + dt tr grad v) (physics.md section 3), never from det F, which loses J in shear.
   template <class S, class T, class Tally>
-  Point<S> advance(const MaterialColumns<Dim, T>& columns, const T* const* gradient, const DeformationStep& step,
-                   Index p, Index begin, Tally&) const {
+  Point<S> advance(const MaterialColumns<Dim, T>& columns, const T* const* gradient,
+                   const DeformationStep& step, Index p, Index begin, Tally&) const {
     S trace = load<S>(gradient[0] + (p - begin));
     for (int i = 1; i < Dim; ++i) trace += load<S>(gradient[i * (Dim + 1)] + (p - begin));
     const S growth = volume_growth<S>(step.update, broadcast<S>(step.dt) * trace);

@@ -10,7 +10,8 @@ namespace mpm {
 template <int Dim>
 struct Hencky {
   static constexpr const char* name = "hencky";
-  static constexpr const char* doc = "St Venant-Kirchhoff solid in logarithmic strain; carries most plasticity, can't fracture";
+  static constexpr const char* doc =
+      "St Venant-Kirchhoff solid in logarithmic strain; carries most plasticity, can't fracture";
   static constexpr bool linear_in_logarithmic_strain = true;
 
   Real mu = 0;      // [Pa]

@@ -15,8 +15,9 @@ struct LazyLiquid {
   Real bulk_modulus = 0;  // K [Pa]
 
   void declare(Parameters& parameters) {
-    parameters.real("bulk_modulus", bulk_modulus,
-                    {.unit = "Pa", .min = 0, .min_exclusive = true, .required = true, .doc = "bulk modulus at rest"});
+    parameters.real(
+        "bulk_modulus", bulk_modulus,
+        {.unit = "Pa", .min = 0, .min_exclusive = true, .required = true, .doc = "bulk modulus at rest"});
   }
 
   // J^(1/d) I, and F itself where it is inverted, so that the fault is found.

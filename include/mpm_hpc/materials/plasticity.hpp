@@ -41,8 +41,9 @@ struct Elastic {
 // stretches of a pack of particles: return_stretches changes stretches, own numbers and the guards' marks (1 where one
 // acted) and gives a number above 0 for each lane that it has changed.
 template <class Rule, class Law, int Dim, class S = double>
-concept ReturnMapping = std::copyable<Rule> && HasPrincipalEnergy<Law, Dim, S> && Rule::template suits<Law> &&
-    requires(const Rule rule, Rule fresh, Parameters& parameters, const Law law, S (&stretches)[Dim], S* own, S* guards) {
+concept ReturnMapping = std::copyable<Rule> && HasPrincipalEnergy<Law, Dim, S> &&
+    Rule::template suits<Law>&& requires(const Rule rule, Rule fresh, Parameters& parameters, const Law law,
+                                         S (&stretches)[Dim], S* own, S* guards) {
   { Rule::name } -> std::convertible_to<const char*>;  // value of the scene's key `plasticity.model`
   { Rule::doc } -> std::convertible_to<const char*>;
   { Rule::own_count } -> std::convertible_to<int>;

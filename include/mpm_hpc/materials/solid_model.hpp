@@ -78,8 +78,8 @@ struct SolidModel {
   }
 
   template <class S, class T, class Tally>
-  Point<S> advance(const MaterialColumns<Dim, T>& columns, const T* const* gradient, const DeformationStep& step,
-                   Index p, Index begin, Tally& tally) const {
+  Point<S> advance(const MaterialColumns<Dim, T>& columns, const T* const* gradient,
+                   const DeformationStep& step, Index p, Index begin, Tally& tally) const {
     Point<S> point = load_point<S>(columns, p);
     const Tensor<S, Dim> A = broadcast<S>(step.dt) * load_tensor<S, Dim>(gradient, p - begin);
     point.F = deformed(step.update, A, point.F);
@@ -98,7 +98,8 @@ struct SolidModel {
 
   // With the trial's b = F F^T = Q diag(s^2) Q^T: F <- Q diag(s_new / s) Q^T F.
   template <class S, class T, class Tally>
-  void return_to_surface(const MaterialColumns<Dim, T>& columns, Index p, Point<S>& point, Tally& tally) const {
+  void return_to_surface(const MaterialColumns<Dim, T>& columns, Index p, Point<S>& point,
+                         Tally& tally) const {
     const S zero = broadcast<S>(0.0);
     if constexpr (TellsElastic<Rule, Law, Dim, S>)
       if (none_above(rule.yield(law, point.F, point.own), zero)) return;
@@ -140,7 +141,8 @@ struct SolidModel {
 
   // Energy density at known stretches, degraded if there is a phase.
   template <class S, class T>
-  S energy_at(const MaterialColumns<Dim, T>& columns, Index p, const Point<S>& point, const S (&stretches)[Dim]) const {
+  S energy_at(const MaterialColumns<Dim, T>& columns, Index p, const Point<S>& point,
+              const S (&stretches)[Dim]) const {
     if constexpr (SplitsEnergy<Law, Dim>)
       if (columns.phase)
         return scaled(point, law.energy_of_stretches_degraded(stretches, degradation<S>(columns, p)));

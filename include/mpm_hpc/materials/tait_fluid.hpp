@@ -16,8 +16,9 @@ struct TaitFluid : FluidConstants {
 
   void declare(Parameters& parameters) {
     FluidConstants::declare(parameters);
-    parameters.real("exponent", exponent,
-                    {.min = 1, .min_exclusive = true, .max = 100, .doc = "exponent g of Tait's equation; 7 for water"});
+    parameters.real(
+        "exponent", exponent,
+        {.min = 1, .min_exclusive = true, .max = 100, .doc = "exponent g of Tait's equation; 7 for water"});
   }
 
   // tau = -p J = -K/g (J^-g - 1) J
@@ -36,7 +37,8 @@ struct TaitFluid : FluidConstants {
   S wave_modulus(const S& volume_change) const {
     const S one = broadcast<S>(1.0), power = one + power_less_one(volume_change, 1 - exponent);
     return broadcast<S>(bulk_modulus) *
-           maximum<S>(power, broadcast<S>(1 / exponent) * (broadcast<S>(exponent - 1) * power + one + volume_change));
+           maximum<S>(power, broadcast<S>(1 / exponent) *
+                                 (broadcast<S>(exponent - 1) * power + one + volume_change));
   }
 
  private:

@@ -72,8 +72,10 @@ void expect_von_mises() {
   int yielded = 0;
   for_trials<dim>(0.3, [&](const Numbers<dim>& trial) {
     const auto out = returned(law, rule, trial, alpha);
-    const Vec<dim> before = deviator_of<dim>(principal_stress(law, trial)), after = deviator_of<dim>(principal_stress(law, out.s));
-    const double q = std::sqrt(1.5) * after.norm(), limit = rule.yield_stress + rule.hardening_modulus * out.own;
+    const Vec<dim> before = deviator_of<dim>(principal_stress(law, trial)),
+                   after = deviator_of<dim>(principal_stress(law, out.s));
+    const double q = std::sqrt(1.5) * after.norm(),
+                 limit = rule.yield_stress + rule.hardening_modulus * out.own;
     EXPECT_NEAR(volume(out.s), volume(trial), 1e-14 * volume(trial));
     if (out.yields > 0) {
       ++yielded;
@@ -112,7 +114,8 @@ void expect_tresca() {
   int yielded = 0, corners = 0;
   for_trials<dim>(0.3, [&](const Numbers<dim>& trial) {
     const auto out = returned(law, rule, trial, 0);
-    const Vec<dim> before = deviator_of<dim>(principal_stress(law, trial)), after = deviator_of<dim>(principal_stress(law, out.s));
+    const Vec<dim> before = deviator_of<dim>(principal_stress(law, trial)),
+                   after = deviator_of<dim>(principal_stress(law, out.s));
     EXPECT_NEAR(volume(out.s), volume(trial), 1e-14 * volume(trial));
     const double spread = after.maxCoeff() - after.minCoeff();
     if (!(out.yields > 0)) {
@@ -150,7 +153,8 @@ TEST(TrescaTest, GoesToTheClosestPointOfTheHexagon) {
 template <int Dim>
 void expect_drucker_prager() {
   const Hencky<Dim> law = Traits<Hencky<Dim>>::law();
-  const DruckerPrager<Dim> rule{.friction_angle = 0.5, .cohesion = 0.002 * test_mu, .volume_correction = false};
+  const DruckerPrager<Dim> rule{
+      .friction_angle = 0.5, .cohesion = 0.002 * test_mu, .volume_correction = false};
   const double sine = std::sin(0.5), a = std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
   // In stresses the cone is |dev tau| = a d (p + c cot phi): a d kappa of a strain over 2 mu is a d / 2 mu of a pressure.
   const double tip = 0.002 * test_mu / std::tan(0.5);
@@ -185,7 +189,9 @@ TEST(DruckerPragerTest, GoesToTheTipToTheConeOrNowhere) {
 TEST(DruckerPragerTest, GivesLostVolumeBack) {
   const Hencky<3> law = Traits<Hencky<3>>::law();
   const DruckerPrager<3> rule{.friction_angle = 0.5};
-  const auto cube = [](double strain) { return Numbers<3>{std::exp(strain / 3), std::exp(strain / 3), std::exp(strain / 3)}; };
+  const auto cube = [](double strain) {
+    return Numbers<3>{std::exp(strain / 3), std::exp(strain / 3), std::exp(strain / 3)};
+  };
   const auto apart = returned(law, rule, cube(0.02), 0);
   EXPECT_NEAR(volume(apart.s), 1, 1e-15);
   EXPECT_NEAR(apart.own, 0.02, 1e-15);
@@ -219,7 +225,8 @@ void expect_cam_clay(double cohesion, double alpha) {
   const Hencky<Dim> law = Traits<Hencky<Dim>>::law();
   ModifiedCamClay<Dim> rule = rule_sample<ModifiedCamClay<Dim>>(test_mu);
   rule.state.cohesion = cohesion;
-  const double M = rule.state.slope, p0 = law.bulk_modulus() * (1e-5 + std::sinh(rule.state.hardening * std::max(-alpha, 0.0)));
+  const double M = rule.state.slope,
+               p0 = law.bulk_modulus() * (1e-5 + std::sinh(rule.state.hardening * std::max(-alpha, 0.0)));
   const auto y = [&](const Vec<Dim>& tau) {
     const double p = -tau.mean(), q2 = (6.0 - Dim) / 2 * deviator_of<Dim>(tau).squaredNorm();
     return q2 * (1 + 2 * cohesion) + M * M * (p + cohesion * p0) * (p - p0);
@@ -272,17 +279,22 @@ TEST(NaccTest, SinglePoints) {
   Nacc<3> rule = published_points();
   double capped;
   const double p0 = law.kappa * rule.state.hardening_pressure(-0.01, capped);
-  std::printf("mu = %.8f (3846.15384615), kappa = %.5f (8333.33333), M = %.8f (1.85034377), p0 = %.8f (250.12083502)\n", law.mu,
-              law.kappa, rule.state.slope, p0);
+  std::printf(
+      "mu = %.8f (3846.15384615), kappa = %.5f (8333.33333), M = %.8f (1.85034377), p0 = %.8f "
+      "(250.12083502)\n",
+      law.mu, law.kappa, rule.state.slope, p0);
   EXPECT_NEAR(law.mu, 3846.15384615, 1e-8);
   EXPECT_NEAR(law.kappa, 8333.33333333, 1e-8);
   EXPECT_NEAR(rule.state.slope, 1.85034377, 5e-9);
   EXPECT_NEAR(p0, 250.12083502, 5e-9);
-  const auto expect = [&](const Numbers<3>& trial, const Numbers<3>& stretches, double alpha, double p_trial, int line) {
+  const auto expect = [&](const Numbers<3>& trial, const Numbers<3>& stretches, double alpha, double p_trial,
+                          int line) {
     EXPECT_NEAR(law.pressure(volume(trial)), p_trial, 1e-7) << line;
     const auto out = returned(law, rule, trial, -0.01);
-    std::printf("(%g, %g, %g) -> (%.10f, %.10f, %.10f), expected (%.10f, %.10f, %.10f); alpha %.8f, expected %.8f\n", trial[0],
-                trial[1], trial[2], out.s[0], out.s[1], out.s[2], stretches[0], stretches[1], stretches[2], out.own, alpha);
+    std::printf(
+        "(%g, %g, %g) -> (%.10f, %.10f, %.10f), expected (%.10f, %.10f, %.10f); alpha %.8f, expected %.8f\n",
+        trial[0], trial[1], trial[2], out.s[0], out.s[1], out.s[2], stretches[0], stretches[1], stretches[2],
+        out.own, alpha);
     for (int a = 0; a < 3; ++a) EXPECT_NEAR(out.s[a], stretches[a], 1e-10) << line;
     EXPECT_NEAR(out.own, alpha, 1e-8) << line;
   };
@@ -296,14 +308,17 @@ TEST(NaccTest, SinglePoints) {
   EXPECT_EQ(out.s, elastic);
   EXPECT_EQ(out.own, -0.01);
   // ln(J_tr / J_x) with p_x = 77.13850814 of the third.
-  EXPECT_NEAR(-.01 + std::log(1.05 * .98 * .96 / std::sqrt(1 - 2 * 77.13850814 / law.kappa)), -.01289116, 1e-8);
+  EXPECT_NEAR(-.01 + std::log(1.05 * .98 * .96 / std::sqrt(1 - 2 * 77.13850814 / law.kappa)), -.01289116,
+              1e-8);
 }
 
 template <int Dim>
 double nacc_yield(const SplitNeoHookean<Dim>& law, const Nacc<Dim>& rule, double p0, const Numbers<Dim>& s) {
   const Vec<Dim> tau = principal_stress(law, s);
-  const double p = -tau.mean(), q2 = (6.0 - Dim) / 2 * deviator_of<Dim>(tau).squaredNorm(), M = rule.state.slope;
-  return (q2 * (1 + 2 * rule.state.cohesion) + M * M * (p + rule.state.cohesion * p0) * (p - p0)) / (M * M * p0 * p0);
+  const double p = -tau.mean(), q2 = (6.0 - Dim) / 2 * deviator_of<Dim>(tau).squaredNorm(),
+               M = rule.state.slope;
+  return (q2 * (1 + 2 * rule.state.cohesion) + M * M * (p + rule.state.cohesion * p0) * (p - p0)) /
+         (M * M * p0 * p0);
 }
 
 // For steps from small to absurd, with much, little and no hardening, with and without cohesion; the published form leaves the

@@ -23,14 +23,14 @@ struct ReturnMappingTest : testing::Test {};
 using Cases = testing::Types<
     Case<FixedCorotated<2>, ClampedStretches<2>, double>, Case<FixedCorotated<3>, ClampedStretches<3>, float>,
     Case<FixedCorotated<3>, ClampedStretches<3>, double>, Case<Hencky<2>, Tresca<2>, double>,
-    Case<Hencky<3>, Tresca<3>, double>, Case<SplitNeoHookean<3>, Tresca<3>, float>, Case<Hencky<2>, VonMises<2>, double>,
-    Case<Hencky<3>, VonMises<3>, float>, Case<SplitNeoHookean<2>, VonMises<2>, double>,
-    Case<SplitNeoHookean<3>, VonMises<3>, double>, Case<SplitNeoHookean<3>, VonMises<3>, float>,
-    Case<Hencky<2>, DruckerPrager<2>, double>, Case<Hencky<3>, DruckerPrager<3>, double>,
-    Case<Hencky<3>, DruckerPrager<3>, float>, Case<Hencky<2>, ModifiedCamClay<2>, double>,
-    Case<Hencky<3>, ModifiedCamClay<3>, double>, Case<Hencky<3>, ModifiedCamClay<3>, float>,
-    Case<SplitNeoHookean<2>, Nacc<2>, double>, Case<SplitNeoHookean<3>, Nacc<3>, double>,
-    Case<SplitNeoHookean<3>, Nacc<3>, float>>;
+    Case<Hencky<3>, Tresca<3>, double>, Case<SplitNeoHookean<3>, Tresca<3>, float>,
+    Case<Hencky<2>, VonMises<2>, double>, Case<Hencky<3>, VonMises<3>, float>,
+    Case<SplitNeoHookean<2>, VonMises<2>, double>, Case<SplitNeoHookean<3>, VonMises<3>, double>,
+    Case<SplitNeoHookean<3>, VonMises<3>, float>, Case<Hencky<2>, DruckerPrager<2>, double>,
+    Case<Hencky<3>, DruckerPrager<3>, double>, Case<Hencky<3>, DruckerPrager<3>, float>,
+    Case<Hencky<2>, ModifiedCamClay<2>, double>, Case<Hencky<3>, ModifiedCamClay<3>, double>,
+    Case<Hencky<3>, ModifiedCamClay<3>, float>, Case<SplitNeoHookean<2>, Nacc<2>, double>,
+    Case<SplitNeoHookean<3>, Nacc<3>, double>, Case<SplitNeoHookean<3>, Nacc<3>, float>>;
 TYPED_TEST_SUITE(ReturnMappingTest, Cases);
 
 TYPED_TEST(ReturnMappingTest, ColumnsReturnLikePrincipalStretches) {
@@ -64,7 +64,8 @@ TYPED_TEST(ReturnMappingTest, ColumnsReturnLikePrincipalStretches) {
     if (p % 4 == 2) e[1] = e[0] + 1e-8;
     if (p == 0) e.setZero();
     const Mat<dim> Q = random_rotation<dim>(generator);
-    const Mat<dim> start = Q * e.array().exp().matrix().asDiagonal() * random_rotation<dim>(generator).transpose();
+    const Mat<dim> start =
+        Q * e.array().exp().matrix().asDiagonal() * random_rotation<dim>(generator).transpose();
     Mat<dim> G = Mat<dim>::NullaryExpr([&] { return sixty_fourths(generator) / 64.0; });
     if (p == 0) G.setZero();
     Mat<dim> rounded, slope;
@@ -93,15 +94,18 @@ TYPED_TEST(ReturnMappingTest, ColumnsReturnLikePrincipalStretches) {
     (yields ? yielded : elastic)++;
     Mat<dim> expected = trials[p];
     if (yields) {
-      expected = svd.matrixU() * Eigen::Map<const Vec<dim>>(returned).asDiagonal() * svd.matrixV().transpose();
+      expected =
+          svd.matrixU() * Eigen::Map<const Vec<dim>>(returned).asDiagonal() * svd.matrixV().transpose();
       work += 0.5 * (before - energy_with(law, rule, returned, numbers_after));
       most_work += 0.5 * before;
       for (std::size_t k = 0; k < own.size(); ++k)
         EXPECT_NEAR(columns.own[k][p], numbers_after[k], epsilon + 1e-11) << p;
     } else {
-      for (std::size_t k = 0; k < own.size(); ++k) EXPECT_EQ(columns.own[k][p], static_cast<T>(own[k].initial)) << p;
+      for (std::size_t k = 0; k < own.size(); ++k)
+        EXPECT_EQ(columns.own[k][p], static_cast<T>(own[k].initial)) << p;
     }
-    for (int k = 0; k < dim * dim; ++k) EXPECT_NEAR(F[k][p], expected(k / dim, k % dim), 2 * epsilon + 1e-13) << p;
+    for (int k = 0; k < dim * dim; ++k)
+      EXPECT_NEAR(F[k][p], expected(k / dim, k % dim), 2 * epsilon + 1e-13) << p;
   }
   EXPECT_GT(yielded, count / 4);
   EXPECT_GT(elastic, 0);
@@ -173,8 +177,7 @@ TYPED_TEST(ReturnMappingTest, ABrokenParticleIsLeftToBeFound) {
   EXPECT_TRUE(std::isfinite(update.plastic_work));
   EXPECT_TRUE(std::isnan(F[1][3]));
   for (int p = 0; p < W; ++p)
-    for (int k = 0; k < dim * dim; ++k)
-      EXPECT_TRUE(p == 3 || std::isfinite(F[k][p])) << p;
+    for (int k = 0; k < dim * dim; ++k) EXPECT_TRUE(p == 3 || std::isfinite(F[k][p])) << p;
 }
 
 }  // namespace

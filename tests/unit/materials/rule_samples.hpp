@@ -11,7 +11,9 @@ template <class Rule>
 struct RuleSample;
 template <int D>
 struct RuleSample<ClampedStretches<D>> {
-  static ClampedStretches<D> rule(Real) { return {.critical_compression = 0.02, .critical_stretch = 0.01, .hardening = 10}; }
+  static ClampedStretches<D> rule(Real) {
+    return {.critical_compression = 0.02, .critical_stretch = 0.01, .hardening = 10};
+  }
 };
 template <int D>
 struct RuleSample<Tresca<D>> {

@@ -11,7 +11,8 @@ namespace mpm {
 template <int Dim>
 struct ClampedStretches {
   static constexpr const char* name = "clamped_stretches";
-  static constexpr const char* doc = "principal stretches between two limits, hardening with the volume lost (snow)";
+  static constexpr const char* doc =
+      "principal stretches between two limits, hardening with the volume lost (snow)";
   template <class Law>
   static constexpr bool suits = HasPrincipalEnergy<Law, Dim>;
   static constexpr int own_count = 1;  // J_P
@@ -21,9 +22,11 @@ struct ClampedStretches {
   Real hardening = 10;                 // xi
 
   void declare(Parameters& parameters) {
-    parameters.real("critical_compression", critical_compression,
-                    {.min = 0, .max = 1, .max_exclusive = true, .doc = "largest elastic compression, 1 - stretch"});
-    parameters.real("critical_stretch", critical_stretch, {.min = 0, .doc = "largest elastic extension, stretch - 1"});
+    parameters.real(
+        "critical_compression", critical_compression,
+        {.min = 0, .max = 1, .max_exclusive = true, .doc = "largest elastic compression, 1 - stretch"});
+    parameters.real("critical_stretch", critical_stretch,
+                    {.min = 0, .doc = "largest elastic extension, stretch - 1"});
     parameters.real("hardening", hardening,
                     {.min = 0, .max = 100, .doc = "xi of the moduli's factor exp(xi (1 - J_P)); 0: none"});
   }

@@ -11,14 +11,14 @@ namespace mpm {
 // with alpha, the logarithm of the plastic volume ratio: compaction makes alpha smaller and p0 larger.
 template <int Dim>
 struct CriticalState {
-  static constexpr Real least_pressure = 1e-5;   // p0 over kappa of what has lost all hardening
-  static constexpr Real most_hardening = 30;     // xi |alpha|, p0 = 5e12 kappa
-  static constexpr Real tolerance = 1e-9;        // of y / (M p0)^2, below which y counts as 0
+  static constexpr Real least_pressure = 1e-5;  // p0 over kappa of what has lost all hardening
+  static constexpr Real most_hardening = 30;    // xi |alpha|, p0 = 5e12 kappa
+  static constexpr Real tolerance = 1e-9;       // of y / (M p0)^2, below which y counts as 0
   static constexpr Real deviator_factor = (6.0 - Dim) / 2;
 
-  Real slope = 0;     // M
-  Real cohesion = 0;  // beta
-  Real hardening = 3; // xi
+  Real slope = 0;      // M
+  Real cohesion = 0;   // beta
+  Real hardening = 3;  // xi
   Real initial_alpha = 0;
   bool hardens = true;
 
@@ -32,7 +32,8 @@ struct CriticalState {
                      .required = true,
                      .doc = "friction angle that sets the slope of the critical state line, as \"45 deg\""});
     parameters.real("cohesion", cohesion, {.min = 0, .doc = "beta: tensile over compressive strength p0"});
-    parameters.real("hardening", hardening, {.min = 0, .min_exclusive = true, .doc = "xi of p0 = kappa sinh(-xi alpha)"});
+    parameters.real("hardening", hardening,
+                    {.min = 0, .min_exclusive = true, .doc = "xi of p0 = kappa sinh(-xi alpha)"});
     parameters.real("initial_plastic_volume", plastic_volume,
                     {.min = 0,
                      .min_exclusive = true,
@@ -41,8 +42,9 @@ struct CriticalState {
     slope = critical_slope(friction_angle);
     initial_alpha = std::log(plastic_volume);
     if (hardening * -initial_alpha > most_hardening)
-      parameters.error_at("initial_plastic_volume",
-                          fmt::format("hardening times -ln(initial_plastic_volume) must not exceed {}", most_hardening));
+      parameters.error_at(
+          "initial_plastic_volume",
+          fmt::format("hardening times -ln(initial_plastic_volume) must not exceed {}", most_hardening));
   }
 
   // M = sqrt(2/3) 2 sin f / (3 - sin f) d / sqrt(2 / (6 - d))

@@ -69,7 +69,8 @@ struct DruckerPrager {
     const S length = sqrt_of<S>(squares), above = trace - tip_trace;
     const S allowed = broadcast<S>(-slope() * Dim * law.bulk_modulus() / (2 * law.mu)) * above;
     // Share of e' that is kept: nothing at the tip, all inside, the cone's otherwise.
-    const S outside = select_less<S>(allowed, length, S(maximum<S>(allowed, zero) / select_less<S>(zero, length, length, one)), one);
+    const S outside = select_less<S>(
+        allowed, length, S(maximum<S>(allowed, zero) / select_less<S>(zero, length, length, one)), one);
     const S kept = select_less<S>(zero, above, zero, outside);
     const S new_trace = minimum<S>(trace, tip_trace);
     for (int a = 0; a < Dim; ++a) s[a] = exp_of<S>(broadcast<S>(1.0 / Dim) * new_trace + kept * e[a]);

@@ -38,15 +38,18 @@ struct ModifiedCamClay {
       squares += e[a] * e[a];
     }
     S capped;
-    const S alpha = state.alpha(own), p0 = state.hardening_pressure(alpha, capped);  // over kappa, as all pressures here
-    const S p = -trace, q2 = broadcast<S>(state.deviator_factor * 4 * law.mu * law.mu / (kappa * kappa)) * squares;
+    const S alpha = state.alpha(own),
+            p0 = state.hardening_pressure(alpha, capped);  // over kappa, as all pressures here
+    const S p = -trace,
+            q2 = broadcast<S>(state.deviator_factor * 4 * law.mu * law.mu / (kappa * kappa)) * squares;
     const S centre = broadcast<S>((1 - beta) / 2) * p0, way = p - centre;
 
     // (1 + 2 beta) q^2 / (1 + a g)^2 + M^2 (p - p_c)^2 / (1 + b g)^2 = (M (1 + beta) p0 / 2)^2, divided by the right side.
     // 1 / sqrt of the left is nearly linear in g: Newton's iteration on it takes few steps and comes from below.
     const Real ratio = 2 * law.mu / kappa * (6 - Dim) * (1 + 2 * beta), b = 2 * state.slope * state.slope;
     const S radius = broadcast<S>(state.slope * (1 + beta) / 2) * p0, scale = one / (radius * radius);
-    const S shear = broadcast<S>(1 + 2 * beta) * q2 * scale, volume = broadcast<S>(state.slope * state.slope) * way * way * scale;
+    const S shear = broadcast<S>(1 + 2 * beta) * q2 * scale,
+            volume = broadcast<S>(state.slope * state.slope) * way * way * scale;
     const S yields = shear + volume - one - broadcast<S>(4 / ((1 + beta) * (1 + beta)) * state.tolerance);
     S g = zero;
     constexpr int most = 60;

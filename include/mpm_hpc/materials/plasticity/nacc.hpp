@@ -25,13 +25,16 @@ struct Nacc {
   void declare(Parameters& parameters) {
     state.declare(parameters);
     std::string form = "volume_preserving";
-    parameters.choice("return", form, {"volume_preserving", "published"},
-                      "what a return in shear keeps: J, so that it ends on the yield surface, or tr b as published");
+    parameters.choice(
+        "return", form, {"volume_preserving", "published"},
+        "what a return in shear keeps: J, so that it ends on the yield surface, or tr b as published");
     published = form == "published";
   }
 
   std::vector<OwnColumn> own_columns() const { return state.own_columns(); }
-  std::vector<const char*> guards() const { return {"nacc_pressure_beyond_half_bulk_modulus", "nacc_hardening_capped"}; }
+  std::vector<const char*> guards() const {
+    return {"nacc_pressure_beyond_half_bulk_modulus", "nacc_hardening_capped"};
+  }
 
   template <class Law, class S>
   S yield(const Law& law, const Tensor<S, Dim>& F, const S* own) const {
@@ -61,7 +64,8 @@ struct Nacc {
     }
     const S q2 = broadcast<S>(state.deviator_factor) * squares;
     S capped;
-    const S alpha = state.alpha(own), p0 = state.hardening_pressure(alpha, capped);  // over kappa, as all pressures here
+    const S alpha = state.alpha(own),
+            p0 = state.hardening_pressure(alpha, capped);  // over kappa, as all pressures here
     const S p = broadcast<S>(1 / kappa) * law.pressure(J), q2_over = broadcast<S>(1 / (kappa * kappa)) * q2;
     const S tensile = broadcast<S>(-beta) * p0;
 
@@ -84,7 +88,8 @@ struct Nacc {
     } else {
       law.stretches_with_deviator(s, scaled, sheared);
     }
-    const S centre = broadcast<S>((1 - beta) / 2) * p0, radius = broadcast<S>((1 + beta) / 2) * p0, way = p - centre;
+    const S centre = broadcast<S>((1 - beta) / 2) * p0, radius = broadcast<S>((1 + beta) / 2) * p0,
+            way = p - centre;
     const S slope2 = broadcast<S>(state.slope * state.slope);
     const S l = radius * broadcast<S>(state.slope) /
                 sqrt_of<S>(broadcast<S>(1 + 2 * beta) * q2_over + slope2 * way * way);

@@ -55,7 +55,8 @@ struct Tresca {
       new_middle = -(right + left);
     }
     for (int a = 0; a < Dim; ++a)
-      deviator[a] = select_less<S>(deviator[a], high, select_less<S>(low, deviator[a], new_middle, new_low), new_high);
+      deviator[a] =
+          select_less<S>(deviator[a], high, select_less<S>(low, deviator[a], new_middle, new_low), new_high);
     law.stretches_with_deviator(s, deviator, returned);
     for (int a = 0; a < Dim; ++a) s[a] = returned[a];
     return excess - broadcast<S>(1e-13) * sigma;  // what a return leaves is no yield

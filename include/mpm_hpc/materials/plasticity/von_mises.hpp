@@ -21,7 +21,11 @@ struct VonMises {
 
   void declare(Parameters& parameters) {
     parameters.real("yield_stress", yield_stress,
-                    {.unit = "Pa", .min = 0, .min_exclusive = true, .required = true, .doc = "Kirchhoff stress at first yield"});
+                    {.unit = "Pa",
+                     .min = 0,
+                     .min_exclusive = true,
+                     .required = true,
+                     .doc = "Kirchhoff stress at first yield"});
     parameters.real("hardening_modulus", hardening_modulus,
                     {.unit = "Pa", .min = 0, .doc = "yield stress gained per equivalent plastic strain"});
   }
