@@ -47,15 +47,14 @@ struct FixedCorotated {
     return broadcast<S>(mu) * inner(strain, strain) + broadcast<S>(0.5 * lambda) * volume_change * volume_change;
   }
 
+  // tau_a = 2 mu s_a (s_a - 1) + lambda (J - 1) J
   template <class S>
-  S energy_of_stretches(const S (&s)[Dim]) const {
+  void principal_stress(const S (&s)[Dim], S (&tau)[Dim]) const {
     const S one = broadcast<S>(1.0);
-    S J = s[0], squares = (s[0] - one) * (s[0] - one);
-    for (int a = 1; a < Dim; ++a) {
-      J *= s[a];
-      squares += (s[a] - one) * (s[a] - one);
-    }
-    return broadcast<S>(mu) * squares + broadcast<S>(0.5 * lambda) * (J - one) * (J - one);
+    S J = s[0];
+    for (int a = 1; a < Dim; ++a) J *= s[a];
+    const S spherical = broadcast<S>(lambda) * (J - one) * J;
+    for (int a = 0; a < Dim; ++a) tau[a] = broadcast<S>(2 * mu) * s[a] * (s[a] - one) + spherical;
   }
 
   // A_ab = 2 mu s_a (2 s_a - 1) delta_ab + lambda J (2 J - 1), and the matrix of ones has the eigenvalues d and 0. The

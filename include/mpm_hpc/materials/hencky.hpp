@@ -41,9 +41,13 @@ struct Hencky {
   template <class S>
   S energy_density(const Tensor<S, Dim>& F) const {
     const SymmetricEigen<S, Dim> eigen = symmetric_eigen(left_cauchy_green(F));
-    S s[Dim];
-    for (int a = 0; a < Dim; ++a) s[a] = sqrt_of<S>(eigen.values[a]);
-    return energy_of_stretches(s);
+    S sum = broadcast<S>(0.0), squares = sum;
+    for (int a = 0; a < Dim; ++a) {
+      const S e = broadcast<S>(0.5) * log_of<S>(eigen.values[a]);
+      sum += e;
+      squares += e * e;
+    }
+    return broadcast<S>(mu) * squares + broadcast<S>(0.5 * lambda) * sum * sum;
   }
 
   // A_ab = 2 mu delta_ab + lambda at every F, and the matrix of ones has the eigenvalues d and 0.
@@ -57,14 +61,13 @@ struct Hencky {
   }
 
   template <class S>
-  S energy_of_stretches(const S (&s)[Dim]) const {
-    S sum = broadcast<S>(0.0), squares = sum;
+  void principal_stress(const S (&s)[Dim], S (&tau)[Dim]) const {
+    S sum = broadcast<S>(0.0);
     for (int a = 0; a < Dim; ++a) {
-      const S e = log_of<S>(s[a]);
-      sum += e;
-      squares += e * e;
+      tau[a] = log_of<S>(s[a]);
+      sum += tau[a];
     }
-    return broadcast<S>(mu) * squares + broadcast<S>(0.5 * lambda) * sum * sum;
+    for (int a = 0; a < Dim; ++a) tau[a] = broadcast<S>(2 * mu) * tau[a] + broadcast<S>(lambda) * sum;
   }
 
   // s_a = 2 mu (e_a - mean e)

@@ -36,7 +36,9 @@ struct DeformationStep {
 // What a step did to a run of particles.
 struct MaterialUpdate {
   MaterialLimits limits;
-  // Elastic energy before the return mapping less after it, summed over the particles (degraded like the stress) [J].
+  // Plastic work of the return mappings: V0 tau : (ln s_trial - ln s) with the returned stress tau and the stretches s before
+  // and after, summed over the particles [J]. It is what the next step's stress would have done, so that a step's own excess
+  // over the yield surface, which no force has seen, doesn't count.
   Real plastic_work = 0;
   GlobalIndex guards[max_material_guards] = {};  // how often each of Material::guards() acted
 };

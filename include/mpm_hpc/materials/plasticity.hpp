@@ -8,16 +8,17 @@
 
 namespace mpm {
 
-// A law whose energy is known by the principal stretches, so that the work of a return can be told.
+// A law whose stress is known by the principal stretches, so that the work of a return can be told.
 template <class Law, int Dim, class S = double>
-concept HasPrincipalEnergy = SolidLaw<Law, Dim, S> && requires(const Law law, const S (&stretches)[Dim]) {
-  { law.energy_of_stretches(stretches) } -> std::same_as<S>;  // [J/m^3]
+concept HasPrincipalStress = SolidLaw<Law, Dim, S> &&
+    requires(const Law law, const S (&stretches)[Dim], S (&tau)[Dim]) {
+  law.principal_stress(stretches, tau);  // of tau [Pa]
 };
 
 // A law whose stress falls into a deviator and a pressure that depends on J alone, so that a rule can change the one and
 // keep the other.
 template <class Law, int Dim, class S = double>
-concept HasDeviator = HasPrincipalEnergy<Law, Dim, S> &&
+concept HasDeviator = HasPrincipalStress<Law, Dim, S> &&
     requires(const Law law, const S (&stretches)[Dim], S (&deviator)[Dim], S (&returned)[Dim]) {
   law.principal_deviator(stretches, deviator);  // of tau [Pa]
   // The stretches of the same J whose stress has this deviator.
@@ -41,7 +42,7 @@ struct Elastic {
 // stretches of a pack of particles: return_stretches changes stretches, own numbers and the guards' marks (1 where one
 // acted) and gives a number above 0 for each lane that it has changed.
 template <class Rule, class Law, int Dim, class S = double>
-concept ReturnMapping = std::copyable<Rule> && HasPrincipalEnergy<Law, Dim, S> &&
+concept ReturnMapping = std::copyable<Rule> && HasPrincipalStress<Law, Dim, S> &&
     Rule::template suits<Law>&& requires(const Rule rule, Rule fresh, Parameters& parameters, const Law law,
                                          S (&stretches)[Dim], S* own, S* guards) {
   { Rule::name } -> std::convertible_to<const char*>;  // value of the scene's key `plasticity.model`

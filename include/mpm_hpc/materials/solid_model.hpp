@@ -132,21 +132,26 @@ struct SolidModel {
       }
 
     const S volume = load<S>(columns.volume + p);
-    const S lost = energy_at(columns, p, point, trial) - energy_at(columns, p, after, returned);
-    tally.plastic_work += select_less<S>(zero, yields, S(volume * lost), zero);
+    tally.plastic_work +=
+        select_less<S>(zero, yields, S(volume * work_of_return(columns, p, after, trial, returned)), zero);
     for (int k = 0; k < max_material_guards; ++k)
       tally.guards[k] += select_less<S>(zero, volume, select_less<S>(zero, yields, guards[k], zero), zero);
     point = after;
   }
 
-  // Energy density at known stretches, degraded if there is a phase.
+  // tau : (ln s_trial - ln s) with the returned stress, degraded if there is a phase.
   template <class S, class T>
-  S energy_at(const MaterialColumns<Dim, T>& columns, Index p, const Point<S>& point,
-              const S (&stretches)[Dim]) const {
-    if constexpr (SplitsEnergy<Law, Dim>)
-      if (columns.phase)
-        return scaled(point, law.energy_of_stretches_degraded(stretches, degradation<S>(columns, p)));
-    return scaled(point, law.energy_of_stretches(stretches));
+  S work_of_return(const MaterialColumns<Dim, T>& columns, Index p, const Point<S>& after,
+                   const S (&trial)[Dim], const S (&returned)[Dim]) const {
+    S tau[Dim], work = broadcast<S>(0.0);
+    bool degraded = false;
+    if constexpr (SplitsEnergy<Law, Dim>) {
+      degraded = columns.phase != nullptr;
+      if (degraded) law.principal_stress_degraded(returned, degradation<S>(columns, p), tau);
+    }
+    if (!degraded) law.principal_stress(returned, tau);
+    for (int a = 0; a < Dim; ++a) work += tau[a] * log_of<S>(S(trial[a] / returned[a]));
+    return scaled(after, work);
   }
 };
 

@@ -60,14 +60,16 @@ struct SplitNeoHookean {
     return g * deviatoric_energy(inner(F, F), J) + volumetric_weight(J, g) * volumetric_energy(J);
   }
 
+  // g tau+ + tau- in the principal directions.
   template <class S>
-  S energy_of_stretches(const S (&s)[Dim]) const {
-    return deviatoric_energy(sum_of_squares(s), product(s)) + volumetric_energy(product(s));
+  void principal_stress_degraded(const S (&s)[Dim], const S& g, S (&tau)[Dim]) const {
+    const S J = product(s), spherical = volumetric_weight(J, g) * volumetric_stress(J);
+    principal_deviator(s, tau);
+    for (int a = 0; a < Dim; ++a) tau[a] = g * tau[a] + spherical;
   }
   template <class S>
-  S energy_of_stretches_degraded(const S (&s)[Dim], const S& g) const {
-    const S J = product(s);
-    return g * deviatoric_energy(sum_of_squares(s), J) + volumetric_weight(J, g) * volumetric_energy(J);
+  void principal_stress(const S (&s)[Dim], S (&tau)[Dim]) const {
+    principal_stress_degraded(s, broadcast<S>(1.0), tau);
   }
 
   // p = -kappa/2 (J^2 - 1)

@@ -154,17 +154,6 @@ inline S exp_of(const S& a) {
   using std::exp;
   return exp(a);
 }
-// log(1 + a) and exp(a) - 1 with all digits for small a.
-template <class S>
-inline S log1p_of(const S& a) {
-  using std::log1p;
-  return log1p(a);
-}
-template <class S>
-inline S expm1_of(const S& a) {
-  using std::expm1;
-  return expm1(a);
-}
 template <class S>
 inline S sqrt_of(const S& a) {
   using std::sqrt;
@@ -174,6 +163,45 @@ template <class S>
 inline S abs_of(const S& a) {
   using std::abs;
   return abs(a);
+}
+// 1 / sqrt(a).
+template <class S>
+inline S inverse_sqrt_of(const S& a) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return broadcast<S>(1.0) / sqrt_of<S>(a);
+  } else {
+    return a.rsqrt();
+  }
+}
+// log(1 + a) with all digits for small a: 2 atanh(a / (2 + a)) by its series, where no lane needs more.
+template <class S>
+inline S log1p_of(const S& a) {
+  if constexpr (PackTraits<S>::width == 1) {
+    using std::log1p;
+    return log1p(a);
+  } else {
+    const S limit = broadcast<S>(0.25), size = abs_of<S>(a), r = a / (broadcast<S>(2.0) + a), r2 = r * r;
+    S series = broadcast<S>(0.0);
+    for (int n = 19; n >= 1; n -= 2) series = series * r2 + broadcast<S>(1.0 / n);
+    series = broadcast<S>(2.0) * r * series;
+    if (none_above<S>(size, limit)) return series;
+    return select_less<S>(limit, size, log_of<S>(broadcast<S>(1.0) + a), series);
+  }
+}
+// exp(a) - 1 with all digits for small a: by its series, where no lane needs more.
+template <class S>
+inline S expm1_of(const S& a) {
+  if constexpr (PackTraits<S>::width == 1) {
+    using std::expm1;
+    return expm1(a);
+  } else {
+    const S limit = broadcast<S>(0.35), size = abs_of<S>(a), one = broadcast<S>(1.0);
+    S series = one;
+    for (int n = 13; n >= 2; --n) series = one + broadcast<S>(1.0 / n) * a * series;
+    series = a * series;
+    if (none_above<S>(size, limit)) return series;
+    return select_less<S>(limit, size, exp_of<S>(a) - one, series);
+  }
 }
 
 namespace detail {

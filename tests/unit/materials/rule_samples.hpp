@@ -60,9 +60,16 @@ double factor_of(const Rule& rule, const double* own) {
   if constexpr (ScalesModuli<Rule, double>) return rule.modulus_factor(own);
   return 1;
 }
+// tau : (ln trial - ln returned) of F = diag(returned), by the law's stress of a tensor.
 template <class Law, class Rule, int Dim>
-double energy_with(const Law& law, const Rule& rule, const double (&s)[Dim], const double* own) {
-  return factor_of(rule, own) * law.energy_of_stretches(s);
+double work_of_return(const Law& law, const Rule& rule, const double* own, const double (&trial)[Dim],
+                      const double (&returned)[Dim]) {
+  Tensor<double, Dim> F;
+  for (int k = 0; k < Dim * Dim; ++k) F.m[k] = k % (Dim + 1) == 0 ? returned[k / Dim] : 0;
+  const SymTensor<double, Dim> tau = law.kirchhoff_stress(F);
+  double work = 0;
+  for (int a = 0; a < Dim; ++a) work += tau(a, a) * std::log(trial[a] / returned[a]);
+  return factor_of(rule, own) * work;
 }
 
 }  // namespace mpm::test

@@ -100,5 +100,32 @@ TYPED_TEST(SimdTest, ElementaryFunctionsAreRightToTwoUlp) {
   }
 }
 
+template <class T>
+struct SmallArguments : testing::Test {};
+using SmallScalars = testing::Types<float, double>;
+TYPED_TEST_SUITE(SmallArguments, SmallScalars);
+
+// log(1 + a), exp(a) - 1 and 1 / sqrt(a) on both sides of where their series end, with all digits.
+TYPED_TEST(SmallArguments, KeepTheirDigits) {
+  using T = TypeParam;
+  using S = Pack<T>;
+  const double tolerance = 4 * std::numeric_limits<T>::epsilon();
+  for (const double largest : {1e-12, 1e-3, 0.2, 0.3, 0.7}) {
+    S a;
+    for (int lane = 0; lane < pack_width<T>; ++lane)
+      a[lane] = static_cast<T>(largest * (1 - 2.0 * lane / (pack_width<T> - 1)));
+    const S logarithm = log1p_of<S>(a), exponential = expm1_of<S>(a), root = inverse_sqrt_of<S>(S(S::Ones() + a));
+    for (int lane = 0; lane < pack_width<T>; ++lane) {
+      const double x = a[lane], one_more = T(1) + a[lane];
+      EXPECT_NEAR(logarithm[lane], std::log1p(x), tolerance * std::abs(std::log1p(x))) << x;
+      EXPECT_NEAR(exponential[lane], std::expm1(x), tolerance * std::abs(std::expm1(x))) << x;
+      EXPECT_NEAR(root[lane], 1 / std::sqrt(one_more), tolerance / std::sqrt(one_more)) << x;
+    }
+  }
+  const S nan = S::Constant(std::numeric_limits<T>::quiet_NaN());
+  EXPECT_TRUE(log1p_of<S>(nan).isNaN().all());
+  EXPECT_TRUE(expm1_of<S>(nan).isNaN().all());
+}
+
 }  // namespace
 }  // namespace mpm

@@ -14,7 +14,7 @@ struct ClampedStretches {
   static constexpr const char* doc =
       "principal stretches between two limits, hardening with the volume lost (snow)";
   template <class Law>
-  static constexpr bool suits = HasPrincipalEnergy<Law, Dim>;
+  static constexpr bool suits = HasPrincipalStress<Law, Dim>;
   static constexpr int own_count = 1;  // J_P
 
   Real critical_compression = 2.5e-2;  // theta_c
