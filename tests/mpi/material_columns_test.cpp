@@ -31,8 +31,8 @@ std::string scene_text(const std::string& rest = "") {
         name, list(x, y, 0.5), list(speed, 0, 0));
   };
   const std::string elastic = "density = 1000\nyoungs_modulus = 1e5\npoisson_ratio = 0.3\n";
-  return fmt::format("dimension = {}\n", Dim) + rest + "[domain]\nlower = " + list(0, 0, 0) +
-         "\nupper = " + list(3, 2, 1) +
+  return fmt::format("dimension = {}\n", Dim) + rest + "[domain]\nlower = " + list(-1, -1, -1) +
+         "\nupper = " + list(4, 3, 2) +
          "\n[grid]\nspacing = 0.1\n[time]\nend = 0.1\ndeformation_update = \"exponential\"\n"
          "[material.sand]\nmodel = \"hencky\"\n" +
          elastic +
@@ -86,8 +86,7 @@ TYPED_TEST(MaterialBodies, RunTogether) {
   ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
   integrator.initialise(state);
   const auto before = history_row(state, world.scene.effects);
-  const int steps = Dim == 2 ? 150 : 60;
-  for (int step = 0; step < steps; ++step) {
+  for (int step = 0; step < 60; ++step) {
     state.dt = integrator.stable_step(state);
     integrator.step(state);
   }
@@ -104,7 +103,7 @@ TYPED_TEST(MaterialBodies, RunTogether) {
   EXPECT_EQ(value_of<Dim>(before, "plastic_work"), 0);
   EXPECT_GT(work, 1e-3 * kinetic);
   EXPECT_LT(work, kinetic);
-  EXPECT_LT(std::abs(residual), 0.3 * kinetic);  // what APIC and the viscosity dissipate
+  EXPECT_LT(residual, 0.01 * kinetic);  // below 0: what APIC and the viscosity dissipate
   EXPECT_NEAR(value_of<Dim>(after, "momentum_x"), value_of<Dim>(before, "momentum_x"), 1e-10 * momentum);
   EXPECT_NEAR(value_of<Dim>(after, "momentum_y"), 0, 1e-10 * momentum);
   GlobalIndex wrong = 0;
@@ -136,7 +135,7 @@ TYPED_TEST(MaterialBodies, BreakAndFlowTogether) {
     State<Dim>& state = world.state;
     ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
     integrator.initialise(state);
-    for (int step = 0; step < (Dim == 2 ? 150 : 60); ++step) {
+    for (int step = 0; step < 60; ++step) {
       state.dt = integrator.stable_step(state);
       state.observed = true;
       integrator.step(state);
@@ -172,9 +171,11 @@ std::vector<Real> fingerprint(const State<Dim>& state) {
 // Frames hold bodies with and without F side by side; a restart goes on with every column and with the plastic work.
 TEST(MaterialBodiesOutput, FramesHistoryAndCheckpointHoldTheirColumns) {
   test::SharedTemporaryFolder folder;
-  const std::string text = scene_text<2>(
+  std::string text = scene_text<2>(
       "[output]\nfields = [\"jacobian\", \"von_mises\", \"deformation_gradient\", \"volume_change\", "
       "\"lost_volume_strain\"]\n");
+  text.replace(text.find("end = 0.1"), 9,
+               "end = 1\ndt = 5e-4");  // the same steps, whatever is written in between
   const auto run = [&](const std::string& name, int steps, const std::filesystem::path& from) {
     Parameters parameters = Parameters::read_text(text, "scene.toml");
     read_dimension(parameters);
@@ -187,13 +188,13 @@ TEST(MaterialBodiesOutput, FramesHistoryAndCheckpointHoldTheirColumns) {
     EXPECT_EQ(made->run(), ExitCode::done);
     return made;
   };
-  const auto whole = run("whole", 60, {});
-  run("first", 30, {});
+  const auto whole = run("whole", 120, {});
+  run("first", 60, {});
   std::filesystem::path checkpoint;
   for (const auto& entry : std::filesystem::directory_iterator(folder / "first"))
     if (entry.path().filename().string().starts_with("checkpoint_")) checkpoint = entry.path();
   ASSERT_FALSE(checkpoint.empty());
-  const auto again = run("second", 30, checkpoint);
+  const auto again = run("second", 60, checkpoint);
   EXPECT_EQ(again->state().step, whole->state().step);
   const std::vector<Real> one = fingerprint(whole->state()), two = fingerprint(again->state());
   for (std::size_t b = 0; b < one.size(); ++b) {
