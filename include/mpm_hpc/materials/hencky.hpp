@@ -3,7 +3,7 @@
 #pragma once
 
 #include "mpm_hpc/materials/elastic_constants.hpp"
-#include "mpm_hpc/math/symmetric_eigen.hpp"
+#include "mpm_hpc/math/symmetric_log.hpp"
 
 namespace mpm {
 
@@ -25,29 +25,21 @@ struct Hencky {
   }
   Real bulk_modulus() const { return ElasticConstants{mu, lambda}.bulk_modulus<Dim>(); }
 
-  // tau = Q diag(2 mu e_a + lambda sum e) Q^T with b = F F^T = Q diag(exp 2 e_a) Q^T
+  // tau = mu ln b + lambda/2 tr ln b I
   template <class S>
   SymTensor<S, Dim> kirchhoff_stress(const Tensor<S, Dim>& F) const {
-    const SymmetricEigen<S, Dim> eigen = symmetric_eigen(left_cauchy_green(F));
-    S e[Dim], sum = broadcast<S>(0.0);
-    for (int a = 0; a < Dim; ++a) {
-      e[a] = broadcast<S>(0.5) * log_of<S>(eigen.values[a]);
-      sum += e[a];
-    }
-    for (int a = 0; a < Dim; ++a) e[a] = broadcast<S>(2 * mu) * e[a] + broadcast<S>(lambda) * sum;
-    return eigen.with_values(e);
+    const SymTensor<S, Dim> logarithm = symmetric_log(left_cauchy_green(F));
+    SymTensor<S, Dim> tau = broadcast<S>(mu) * logarithm;
+    const S spherical = broadcast<S>(0.5 * lambda) * trace(logarithm);
+    for (int i = 0; i < Dim; ++i) tau(i, i) += spherical;
+    return tau;
   }
 
   template <class S>
   S energy_density(const Tensor<S, Dim>& F) const {
-    const SymmetricEigen<S, Dim> eigen = symmetric_eigen(left_cauchy_green(F));
-    S sum = broadcast<S>(0.0), squares = sum;
-    for (int a = 0; a < Dim; ++a) {
-      const S e = broadcast<S>(0.5) * log_of<S>(eigen.values[a]);
-      sum += e;
-      squares += e * e;
-    }
-    return broadcast<S>(mu) * squares + broadcast<S>(0.5 * lambda) * sum * sum;
+    const SymTensor<S, Dim> logarithm = symmetric_log(left_cauchy_green(F));
+    const S length = norm(logarithm), sum = trace(logarithm);
+    return broadcast<S>(0.25 * mu) * length * length + broadcast<S>(0.125 * lambda) * sum * sum;
   }
 
   // A_ab = 2 mu delta_ab + lambda at every F, and the matrix of ones has the eigenvalues d and 0.

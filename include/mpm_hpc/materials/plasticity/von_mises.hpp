@@ -33,6 +33,14 @@ struct VonMises {
   std::vector<OwnColumn> own_columns() const { return {{"plastic_strain", "1"}}; }
   std::vector<const char*> guards() const { return {}; }
 
+  // Most of a metal is elastic most of the time.
+  template <class Law, class S>
+  S yield(const Law& law, const Tensor<S, Dim>& F, const S* own) const {
+    const S q = broadcast<S>(std::sqrt(1.5)) * norm(deviator(law.kirchhoff_stress(F)));
+    return q -
+           broadcast<S>(1 + 1e-13) * (broadcast<S>(yield_stress) + broadcast<S>(hardening_modulus) * own[0]);
+  }
+
   template <class Law, class S>
   S return_stretches(const Law& law, S (&s)[Dim], S* own, S*) const {
     S deviator[Dim], squares = broadcast<S>(0.0);
