@@ -4,7 +4,7 @@ set -u
 
 packages="build-essential cmake ninja-build pkg-config
   libopenmpi-dev openmpi-bin petsc-dev libpetsc-real-dev libhdf5-openmpi-dev libmetis-dev
-  libeigen3-dev libtomlplusplus-dev libcli11-dev libfmt-dev nlohmann-json3-dev
+  libeigen3-dev libtomlplusplus-dev libcli11-dev libfmt-dev nlohmann-json3-dev libmuparser-dev
   libgtest-dev libgmock-dev libbenchmark-dev libtrilinos-zoltan-dev
   python3-matplotlib python3-h5py python3-numpy python3-pil"
 

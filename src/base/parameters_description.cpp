@@ -35,6 +35,11 @@ std::string type_text(const DescribedKey& row) {
       return "list of texts";
     case ParameterKind::integer_list:
       return "list of integers";
+    case ParameterKind::formulas:
+      return row.rows > 0 ? fmt::format("{} rows of {} numbers or formulas{}", row.rows, row.components / row.rows, unit)
+                          : fmt::format("list of {} or formulas{}", count, unit);
+    case ParameterKind::definitions:
+      return "table of formulas with names";
     case ParameterKind::section:
       return "table";
     case ParameterKind::section_list:
@@ -152,6 +157,13 @@ std::string value_schema(const DescribedKey& row) {
       return list_schema(text_schema, 0);
     case ParameterKind::integer_list:
       return list_schema(number_schema(row.range, true), 0);
+    case ParameterKind::formulas: {
+      const std::string component = R"({"type": ["number", "string"]})";
+      return row.rows > 0 ? list_schema(list_schema(component, row.components / row.rows), row.rows)
+                          : list_schema(component, row.components);
+    }
+    case ParameterKind::definitions:
+      return R"({"type": "object", "additionalProperties": {"type": ["number", "string"]}})";
     default:
       break;
   }

@@ -28,6 +28,7 @@ struct SceneSession {
   std::string text;
   std::unique_ptr<SceneNode> root;
   std::vector<PendingError> pending;
+  std::vector<std::pair<std::string, FormulaText>> definitions;  // that formulas may use
 
   void throw_pending();  // the first in file order, if there is one
   [[noreturn]] void throw_now(const Location& location, const std::string& message);
@@ -43,6 +44,8 @@ enum class ParameterKind {
   points,
   text_list,
   integer_list,
+  formulas,
+  definitions,
   section,
   section_list,
   named_sections
@@ -62,6 +65,7 @@ struct DescribedKey {
   RealOptions range = {};       // unit, bounds, required, doc of every kind
   std::string default_as = {};  // as JSON; empty for none
   int components = 0;           // of a vector or point; 0 for any number
+  int rows = 0;                 // that the components of formulas come in; 0 for a plain list
   std::vector<std::string> choices = {};
   std::vector<Condition> conditions = {};
   std::string definition = {};                    // of a section: its name in Description::definitions, or

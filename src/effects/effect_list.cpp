@@ -1,5 +1,6 @@
 #include "mpm_hpc/effects/effect_list.hpp"
 
+#include "mpm_hpc/effects/body_force/body_force.hpp"
 #include "mpm_hpc/effects/gravity/gravity.hpp"
 #include "mpm_hpc/effects/grips/grip.hpp"
 #include "mpm_hpc/effects/obstacles/obstacle.hpp"
@@ -26,6 +27,7 @@ template <int Dim>
 std::vector<EffectEntry<Dim>> effect_list() {
   return {
       once<Gravity<Dim>, Dim>("gravity", "Constant acceleration of every particle."),
+      once<BodyForce<Dim>, Dim>("body_force", "Force on all material, given by formulas of place and time."),
       several<Traction<Dim>, Dim>("traction", "Force per area on the surface layer of a body."),
       once<PhaseField<Dim>, Dim>("phase_field", "Phase-field fracture of bodies whose material has a toughness."),
       several<Obstacle<Dim>, Dim>("obstacle", "Rigid obstacle given by a shape, at rest or moving."),

@@ -163,7 +163,20 @@ void read_bodies(Parameters& p, Scene<Dim>& scene) {
     body.seeding.spacing = scene.spacing;
     body.seeding.seed = scene.seed + static_cast<std::uint64_t>(i);
     declare_seeding<Dim>(q, body.seeding);
-    q.vector<Dim>("velocity", body.velocity, {.unit = "m/s", .doc = "Velocity at the start."});
+    const std::vector<std::string> place = place_variables(Dim);
+    declare_formulas(q, "velocity", place, Dim, body.velocity,
+                     {.unit = "m/s",
+                      .doc = "Velocity at the start: numbers, or formulas in x, y, z in SI, such as \"0.1*sin(pi*x/50)\". "
+                             "Default 0."});
+    body.velocity_where = q.where("velocity");
+    Formulas deformation;
+    const bool deformed = declare_formulas(
+        q, "deformation_gradient", place, Dim * Dim, deformation,
+        {.doc = "F at the start, row by row: numbers, or formulas in x, y, z; the shape is the deformed one, and density "
+                "holds for det F = 1. Default: the unit tensor."},
+        Dim);
+    body.deformation_where = q.where("deformation_gradient");
+    if (deformed) body.deformation_gradient = std::move(deformation);
     if constexpr (Dim == 2) {
       q.real("angular_velocity", body.angular_velocity[2], {.unit = "rad/s", .doc = "Spin at the start."});
     } else {
@@ -173,6 +186,9 @@ void read_bodies(Parameters& p, Scene<Dim>& scene) {
     if (q.describing()) return;
     if (shaped == clouded)
       q.error_at("shape", fmt::format("body \"{}\" needs either a shape or a point_cloud", body.name));
+    if (clouded && deformed)
+      q.error_at("deformation_gradient",
+                 "the particles of a point_cloud have their own deformation; give the file columns F_xx, F_xy, ...");
     if (clouded) body.cloud = q.resolve(body.cloud).string();
     const auto known = std::find_if(scene.materials.begin(), scene.materials.end(),
                                     [&](const auto& m) { return m->name() == body.material; });
@@ -202,6 +218,7 @@ Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effect
            "Type of particle and grid values; positions are double in either case.");
   scene.precision = precision == "single" ? Precision::single_precision : Precision::double_precision;
   p.integer("seed", scene.seed, {.min = 0, .doc = "Seed of everything random (jitter)."});
+  declare_definitions(p);
   read_domain(p, scene);
   read_transfer(p, scene.transfer);
   read_time(p, scene.time);

@@ -1,6 +1,10 @@
 #include "mpm_hpc/simulation/setup.hpp"
 
+#include <fmt/ranges.h>
+
+#include <Eigen/LU>
 #include <algorithm>
+#include <exception>
 #include <optional>
 #include <utility>
 
@@ -163,6 +167,30 @@ void fill_initial(const FieldSet& fields, FieldId f) {
   }
 }
 
+// What a body's formulas say of a particle at x.
+template <int Dim>
+struct StartingMotion {
+  Vec<Dim> velocity;
+  Mat<Dim> velocity_gradient, deformation_gradient = Mat<Dim>::Identity();
+
+  StartingMotion(const BodyDefinition<Dim>& definition, const Vec<Dim>& x) {
+    definition.velocity.evaluate(x.data(), velocity.data());
+    // Far below the length in which a field that the grid resolves changes, far above rounding.
+    velocity_gradient = gradient<Dim>(definition.velocity, x, 0.01 * definition.seeding.spacing);
+    require(velocity.allFinite() && velocity_gradient.allFinite(),
+            "{}: the velocity {} or its slope is no finite number at ({:.6g}) m; correct the formula.",
+            definition.velocity_where, definition.velocity.text(), fmt::join(x.data(), x.data() + Dim, ", "));
+    if (!definition.deformation_gradient) return;
+    Mat<Dim> transposed;
+    definition.deformation_gradient->evaluate(x.data(), transposed.data());  // Eigen stores column by column
+    deformation_gradient = transposed.transpose();
+    const Real J = deformation_gradient.determinant();
+    require(deformation_gradient.allFinite() && J > 0,
+            "{}: det F = {:.6g} at ({:.6g}) m, it must be positive; correct deformation_gradient.",
+            definition.deformation_where, J, fmt::join(x.data(), x.data() + Dim, ", "));
+  }
+};
+
 // The particles of a piece become those from `first` on.
 template <int Dim, class T>
 void fill_piece(const FieldSet& f, Index first, const BodyDefinition<Dim>& definition, const PointCloud<Dim>& cloud,
@@ -180,21 +208,26 @@ void fill_piece(const FieldSet& f, Index first, const BodyDefinition<Dim>& defin
   for (std::size_t i = 0; i < cloud.positions.size(); ++i) {
     const Index p = first + static_cast<Index>(i);
     const Vec<Dim>& x = cloud.positions[i];
-    Vec<Dim> v = definition.velocity + spin * (x - centre);
+    const StartingMotion<Dim> start(definition, x);
+    Vec<Dim> v = start.velocity + spin * (x - centre);
     if (!cloud.velocities.empty()) v += cloud.velocities[i];
+    const Mat<Dim> C = start.velocity_gradient + spin;
     f.template data<GlobalIndex>(core::id)[p] = first_id + p;
     for (int a = 0; a < Dim; ++a) {
       f.template data<Real>(core::position, a)[p] = x[a];
       f.template data<T>(core::velocity, a)[p] = static_cast<T>(v[a]);
       for (int b = 0; b < Dim; ++b) {
         if (f.has(core::velocity_gradient))
-          f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(spin(a, b));
+          f.template data<T>(core::velocity_gradient, a * Dim + b)[p] = static_cast<T>(C(a, b));
         if (!cloud.deformation_gradients.empty() && f.has(core::deformation_gradient))
           f.template data<T>(core::deformation_gradient, a * Dim + b)[p] =
               static_cast<T>(cloud.deformation_gradients[i](a, b));
+        if (definition.deformation_gradient)
+          f.template data<T>(core::deformation_gradient, a * Dim + b)[p] =
+              static_cast<T>(start.deformation_gradient(a, b));
       }
     }
-    const Real volume = cloud.volumes.empty() ? 1 : cloud.volumes[i];
+    const Real volume = cloud.volumes.empty() ? 1 : cloud.volumes[i] / start.deformation_gradient.determinant();
     f.template data<T>(core::volume)[p] = static_cast<T>(volume);
     f.template data<T>(core::mass)[p] = static_cast<T>(density * volume);
   }
@@ -222,9 +255,10 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
                                   "and domain.upper",
                                   definition.where, definition.name, place));
     });
-    require(state.bodies[b].particles.has(core::deformation_gradient) || !communicator.any(survey.has_deformations),
-            "{}: body \"{}\" is a fluid, which has no deformation gradient to take from its point cloud; leave it out of the "
-            "file",
+    require(state.bodies[b].particles.has(core::deformation_gradient) ||
+                !(communicator.any(survey.has_deformations) || definition.deformation_gradient),
+            "{}: body \"{}\" is a fluid, which has no deformation gradient to start with; leave it out of the body and of its "
+            "point cloud",
             definition.where, definition.name);
     const GlobalIndex first_id = next_id + communicator.exclusive_sum(survey.count);
     next_id += total;
@@ -239,12 +273,18 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
       }
     }
     Index first = 0;
+    std::exception_ptr fault;  // of a formula; pieces are read together, so no rank may leave early
     share.for_each_piece([&](const PointCloud<Dim>& piece) {
-      with_precision(state.precision, [&](auto zero) {
-        fill_piece<Dim, decltype(zero)>(fields, first, definition, piece, centre, state.material_of(b).density(), first_id);
-      });
+      try {
+        with_precision(state.precision, [&](auto zero) {
+          fill_piece<Dim, decltype(zero)>(fields, first, definition, piece, centre, state.material_of(b).density(), first_id);
+        });
+      } catch (const UserError&) {
+        if (!fault) fault = std::current_exception();
+      }
       first += static_cast<Index>(piece.positions.size());
     });
+    agree_on_fault(communicator, fault);
     if (!communicator.any(survey.has_volumes)) without_volume.push_back(b);
   }
   for (auto& effect : scene.effects) effect->initialise(state);

@@ -22,6 +22,7 @@ LIBRARIES = [
     (re.compile(r"petsc\w*\.h(pp)?$"), {"solvers", "apps"}),
     (re.compile(r"(hdf5(_hl)?|H5\w*)\.h$"), {"io"}),
     (re.compile(r"metis\.h$"), {"parallel"}),
+    (re.compile(r"muParser\w*\.h$"), {"math"}),
 ]
 MPI_NAMES_ALLOWED = {"parallel", "solvers", "io", "apps"}
 MPI_NAME = re.compile(r"\bP?MPI_[A-Za-z]\w*")

@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "mpm_hpc/base/types.hpp"
@@ -50,6 +51,13 @@ struct SectionOptions {
   std::string doc;
   bool required = false;
   std::string definition;
+};
+
+// A number in SI, or the text of a formula (math/formula.hpp), with its place in the scene.
+struct FormulaText {
+  Real number = 0;
+  std::string text = {};  // empty for a number
+  std::string where = {};
 };
 
 // A table of the scene while it is read, or the collector of its description. A component writes
@@ -131,6 +139,14 @@ class Parameters {
   bool text_list(std::string_view key, std::vector<std::string>& value, const TextOptions& options = {});
   bool integer_list(std::string_view key, std::vector<std::int64_t>& value,
                     const IntegerOptions& options = {});
+
+  // As many components as `value` has, which are its defaults: numbers, texts with a unit, or formulas. With `row_length`
+  // the components come in rows: [[0, 1], [2, "x"]].
+  bool formulas(std::string_view key, std::vector<FormulaText>& value, const RealOptions& options = {}, int row_length = 0);
+  // A table of numbers, of texts with any unit, and of formulas, by names that the scene chooses. Every table of the scene
+  // finds them in definitions() afterwards.
+  bool define_formulas(std::string_view key, const std::string& doc);
+  const std::vector<std::pair<std::string, FormulaText>>& definitions() const;
 
   // [grid]: the callback runs also when the table is absent (all defaults); guard with has() if it must not.
   bool section(std::string_view key, const SectionOptions& options, const Section& callback);

@@ -8,6 +8,7 @@
 
 #include "mpm_hpc/base/parameters.hpp"
 #include "mpm_hpc/effects/effect_list.hpp"
+#include "mpm_hpc/math/formula.hpp"
 #include "mpm_hpc/scene/seeding.hpp"
 
 namespace mpm {
@@ -18,7 +19,9 @@ struct BodyDefinition {
   Shape<Dim> shape;                       // particles on a lattice inside, or ...
   std::string cloud, cloud_where;         // ... from this file: CSV, or HDF5 (.h5, .hdf5)
   SeedingOptions<Dim> seeding;
-  Vec<Dim> velocity = Vec<Dim>::Zero();   // at the start [m/s]
+  Formulas velocity;                      // at the start [m/s], of the place
+  std::optional<Formulas> deformation_gradient;  // at the start, of the place; row by row
+  std::string velocity_where, deformation_where;
   Vec<3> angular_velocity = Vec<3>::Zero();  // [rad/s]; in 2D only the third component
   std::optional<Vec<Dim>> center;         // of the spin; default: the middle of the bounds
 };

@@ -2,9 +2,8 @@
 
 #include <fmt/ranges.h>
 
-#include <algorithm>
-
 #include "mpm_hpc/base/error.hpp"
+#include "mpm_hpc/effects/body_names.hpp"
 #include "mpm_hpc/effects/boundary/node_loop.hpp"
 #include "mpm_hpc/effects/boundary/reaction.hpp"
 
@@ -37,16 +36,10 @@ std::string Traction<Dim>::explain() const {
 template <int Dim>
 void Traction<Dim>::declare_fields(State<Dim>& state) {
   state.ledger["external_work"];
-  std::vector<std::string> known;
-  for (const Body<Dim>& body : state.bodies) known.push_back(body.name);
-  for (const std::string& name : body_names_)
-    require(std::find(known.begin(), known.end(), name) != known.end(),
-            "{}: there is no body \"{}\"; the bodies are {}.", where_bodies_, name, fmt::join(known, ", "));
+  const std::vector<char> loaded = named_bodies(state, body_names_, where_bodies_);
   marks_.assign(state.bodies.size(), no_field);
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
-    if (!body_names_.empty() &&
-        std::find(body_names_.begin(), body_names_.end(), known[b]) == body_names_.end())
-      continue;
+    if (!loaded[b]) continue;
     marks_[b] =
         state.bodies[b].particles.add({.name = name_, .units = "1", .type = real_type(state.precision)});
   }
