@@ -163,6 +163,8 @@ void read_bodies(Parameters& p, Scene<Dim>& scene) {
     body.seeding.spacing = scene.spacing;
     body.seeding.seed = scene.seed + static_cast<std::uint64_t>(i);
     declare_seeding<Dim>(q, body.seeding);
+    // Bodies that touch take their points from one tile, which keeps them apart across the surface.
+    if (body.seeding.sampling == Sampling::poisson_disk) body.seeding.seed = scene.seed;
     const std::vector<std::string> place = place_variables(Dim);
     declare_formulas(q, "velocity", place, Dim, body.velocity,
                      {.unit = "m/s",
@@ -217,7 +219,7 @@ Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effect
   p.choice("precision", precision, {"double", "single"},
            "Type of particle and grid values; positions are double in either case.");
   scene.precision = precision == "single" ? Precision::single_precision : Precision::double_precision;
-  p.integer("seed", scene.seed, {.min = 0, .doc = "Seed of everything random (jitter)."});
+  p.integer("seed", scene.seed, {.min = 0, .doc = "Seed of everything random (jitter, Poisson disks)."});
   declare_definitions(p);
   read_domain(p, scene);
   read_transfer(p, scene.transfer);

@@ -4,18 +4,10 @@
 
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/base/parameters.hpp"
+#include "random_bits.hpp"
 
 namespace mpm {
 namespace {
-
-// SplitMix64 (Steele, Lea and Flood 2014): a bijection of 64 bits that passes BigCrush as a counter-based
-// generator.
-std::uint64_t mixed(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15ULL;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-  return x ^ (x >> 31);
-}
 
 int integer_power(int base, int exponent) {
   int result = 1;
@@ -36,7 +28,8 @@ int particles_per_direction(int particles_per_cell) {
   if (integer_power(root, Dim) == particles_per_cell) return root;
   while (integer_power(root, Dim) > particles_per_cell) --root;
   throw UserError(fmt::format(
-      "particles_per_cell = {} is no perfect {}; the nearest that are so are {} and {}.", particles_per_cell,
+      "particles_per_cell = {} is no perfect {}; the nearest that are so are {} and {}; or take sampling = "
+      "\"poisson_disk\".", particles_per_cell,
       Dim == 2 ? "square" : "cube", integer_power(root, Dim), integer_power(root + 1, Dim)));
 }
 
@@ -45,27 +38,42 @@ void declare_seeding(Parameters& p, SeedingOptions<Dim>& options) {
   p.integer("particles_per_cell", options.particles_per_cell,
             {.min = 1,
              .max = 1000000,
-             .doc = Dim == 2 ? "Particles per grid cell, a perfect square."
-                             : "Particles per grid cell, a perfect cube."});
+             .doc = Dim == 2 ? "Particles per grid cell; a perfect square unless sampling = \"poisson_disk\"."
+                             : "Particles per grid cell; a perfect cube unless sampling = \"poisson_disk\"."});
+  std::string sampling = "lattice";
+  const bool chosen = p.choice("sampling", sampling, {"lattice", "jittered", "poisson_disk"},
+                               "How the shape is filled: on a lattice, with random shifts from it, or at random with even "
+                               "density and no two particles close together.");
+  const bool shifted = p.real(
+      "jitter", options.jitter,
+      {.min = 0,
+       .max = 0.5,
+       .doc = "Largest random shift per direction, over the distance of particles; 0.5 with sampling = \"jittered\"."});
+  options.sampling = sampling == "poisson_disk" ? Sampling::poisson_disk : Sampling::lattice;
+  if (shifted && options.jitter > 0 && chosen && sampling != "jittered")
+    p.error_at("jitter", fmt::format("jitter has no effect with sampling = \"{}\"; take \"jittered\", or drop it.", sampling));
+  if (!shifted && sampling == "jittered") options.jitter = 0.5;
+  if (options.sampling == Sampling::poisson_disk) return;
   try {
     particles_per_direction<Dim>(options.particles_per_cell);
   } catch (const UserError& error) {
     p.error_at("particles_per_cell", error.what());
   }
-  p.real(
-      "jitter", options.jitter,
-      {.min = 0, .max = 0.5, .doc = "Largest random shift per direction, over the distance of particles."});
 }
 
 template <int Dim>
 Seeding<Dim>::Seeding(Shape<Dim> shape, const SeedingOptions<Dim>& options)
     : shape_(std::move(shape)),
       options_(options),
-      per_direction_(particles_per_direction<Dim>(options.particles_per_cell)),
       volume_(std::pow(options.spacing, Dim) / options.particles_per_cell) {
   require(options_.spacing > 0, "the grid spacing must be positive.");
   require(options_.jitter >= 0 && options_.jitter <= 0.5, "jitter = {} must lie between 0 and 0.5.",
           options_.jitter);
+  if (options_.sampling == Sampling::lattice) {
+    per_direction_ = particles_per_direction<Dim>(options.particles_per_cell);
+  } else {
+    tile_ = std::make_shared<const PoissonTile<Dim>>(options.particles_per_cell, options.seed);
+  }
   const BoundingBox<Dim> box = shape_.bounds().intersected(options_.domain);
   lower_.setZero();
   counts_.setZero();
@@ -97,24 +105,25 @@ GlobalIndex Seeding<Dim>::first_cell(int part, int parts) const {
 }
 
 template <int Dim>
+Real Seeding<Dim>::cell_radius() const {
+  return 0.5 * options_.spacing * std::sqrt(Real(Dim)) * (1 + 1e-5);
+}
+
+template <int Dim>
 Vec<Dim> Seeding<Dim>::jittered(const Vec<Dim>& x, const LatticePoint& sub_cell) const {
   std::uint64_t hash = mixed(options_.seed);
   for (int a = 0; a < Dim; ++a) hash = mixed(hash ^ static_cast<std::uint64_t>(sub_cell[a]));
   Vec<Dim> result = x;
   for (int a = 0; a < Dim; ++a) {
-    const Real uniform =
-        static_cast<Real>(mixed(hash + static_cast<std::uint64_t>(a)) >> 11) * 0x1p-53;  // [0, 1)
-    result[a] += options_.jitter * (2 * uniform - 1) * options_.spacing / per_direction_;
+    result[a] += options_.jitter * (2 * uniform(hash + static_cast<std::uint64_t>(a)) - 1) * options_.spacing / per_direction_;
   }
   return result;
 }
 
 template <int Dim>
-std::vector<Vec<Dim>> Seeding<Dim>::particles(GlobalIndex begin_cell, GlobalIndex end_cell) const {
-  std::vector<Vec<Dim>> result;
-  const Real h = options_.spacing;
-  const Real half_diagonal = 0.5 * h * std::sqrt(Real(Dim)) * (1 + 1e-5);  // with room for the tie shift
-  const Vec<Dim> shift = Vec<Dim>::Constant(tie_shift * h / per_direction_);
+template <class F>
+void Seeding<Dim>::for_cells(GlobalIndex begin_cell, GlobalIndex end_cell, F&& f) const {
+  const Real half_diagonal = cell_radius();
   for (GlobalIndex cell = begin_cell; cell < end_cell; ++cell) {
     LatticePoint place = lower_;
     GlobalIndex rest = cell;
@@ -123,9 +132,27 @@ std::vector<Vec<Dim>> Seeding<Dim>::particles(GlobalIndex begin_cell, GlobalInde
       rest /= counts_[a];
     }
     // Distances are 1-Lipschitz: most cells are wholly inside or outside.
-    const Vec<Dim> center = options_.origin + h * (place.template cast<Real>() + Vec<Dim>::Constant(0.5));
+    const Vec<Dim> center =
+        options_.origin + options_.spacing * (place.template cast<Real>() + Vec<Dim>::Constant(0.5));
     const Real distance = shape_.bounded_distance(center, half_diagonal);
-    if (distance >= half_diagonal) continue;
+    if (distance < half_diagonal) f(place, distance);
+  }
+}
+
+template <int Dim>
+std::vector<Vec<Dim>> Seeding<Dim>::particles(GlobalIndex begin_cell, GlobalIndex end_cell) const {
+  std::vector<Vec<Dim>> result;
+  const Real h = options_.spacing, half_diagonal = cell_radius();
+  const Vec<Dim> shift = Vec<Dim>::Constant(tie_shift * h / per_direction_);
+  for_cells(begin_cell, end_cell, [&](const LatticePoint& place, Real distance) {
+    const bool whole = distance <= -half_diagonal;
+    if (tile_) {
+      for (const Vec<Dim>& local : tile_->cell(place)) {
+        const Vec<Dim> x = options_.origin + h * (place.template cast<Real>() + local);
+        if ((whole || shape_.contains(x)) && options_.domain.contains(x)) result.push_back(x);
+      }
+      return;
+    }
     for (int s = 0; s < options_.particles_per_cell; ++s) {
       LatticePoint sub_cell = place * per_direction_;
       int sub = s;
@@ -135,11 +162,35 @@ std::vector<Vec<Dim>> Seeding<Dim>::particles(GlobalIndex begin_cell, GlobalInde
       }
       const Vec<Dim> x =
           options_.origin + (h / per_direction_) * (sub_cell.template cast<Real>() + Vec<Dim>::Constant(0.5));
-      const bool is_inside = distance <= -half_diagonal || shape_.contains(x + shift);
-      if (is_inside && options_.domain.contains(x)) result.push_back(jittered(x, sub_cell));
+      if ((whole || shape_.contains(x + shift)) && options_.domain.contains(x)) result.push_back(jittered(x, sub_cell));
     }
-  }
+  });
   return result;
+}
+
+template <int Dim>
+Real Seeding<Dim>::shape_volume(GlobalIndex begin_cell, GlobalIndex end_cell) const {
+  constexpr int fine = Dim == 2 ? 16 : 8;  // points per direction
+  const Real h = options_.spacing, half_diagonal = cell_radius();
+  const Vec<Dim> shift = Vec<Dim>::Constant(tie_shift * h / fine);
+  const BoundingBox<Dim>& domain = options_.domain;
+  Real cells = 0;
+  for_cells(begin_cell, end_cell, [&](const LatticePoint& place, Real distance) {
+    const Vec<Dim> corner = options_.origin + h * place.template cast<Real>();
+    if (distance <= -half_diagonal && domain.contains(corner) && domain.contains(corner + Vec<Dim>::Constant(h))) {
+      ++cells;
+      return;
+    }
+    const int all = integer_power(fine, Dim);
+    int inside = 0;
+    for (int s = 0; s < all; ++s) {
+      Vec<Dim> x = corner;
+      for (int a = 0, sub = s; a < Dim; ++a, sub /= fine) x[a] += h / fine * (sub % fine + 0.5);
+      inside += shape_.contains(x + shift) && domain.contains(x);
+    }
+    cells += static_cast<Real>(inside) / all;
+  });
+  return cells * std::pow(h, Dim);
 }
 
 template int particles_per_direction<2>(int);

@@ -86,10 +86,17 @@ class ParticleShare {
         return;
       }
       seeding_.emplace(definition.shape, definition.seeding);
+      volume_ = seeding_->particle_volume();
       cell_ = seeding_->first_cell(rank, ranks);
       end_cell_ = seeding_->first_cell(rank + 1, ranks);
       cells_at_once_ = particles_at_once / definition.seeding.particles_per_cell + 1;
     });
+  }
+
+  // Scattered particles share the volume of the shape evenly, whatever number of them fell into it. Collective.
+  void share_volume(GlobalIndex total) {
+    if (definition_.seeding.sampling != Sampling::poisson_disk || !seeding_) return;
+    volume_ = communicator_.sum(seeding_->shape_volume(cell_, end_cell_)) / static_cast<Real>(total);
   }
 
   // f gets a PointCloud and must not communicate. Collective.
@@ -106,7 +113,7 @@ class ParticleShare {
     PointCloud<Dim> piece;
     for (GlobalIndex cell = cell_; cell < end_cell_; cell += cells_at_once_) {
       piece.positions = seeding_->particles(cell, std::min(cell + cells_at_once_, end_cell_));
-      piece.volumes.assign(piece.positions.size(), seeding_->particle_volume());
+      piece.volumes.assign(piece.positions.size(), volume_);
       f(std::as_const(piece));
     }
   }
@@ -116,6 +123,7 @@ class ParticleShare {
   const BodyDefinition<Dim>& definition_;
   PointCloud<Dim> cloud_;
   std::optional<Seeding<Dim>> seeding_;
+  Real volume_ = 0;  // of a seeded particle [m^Dim]
   GlobalIndex cell_ = 0, end_cell_ = 0, cells_at_once_ = 1;
 };
 
@@ -242,7 +250,7 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
   std::vector<std::size_t> without_volume;
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     const BodyDefinition<Dim>& definition = scene.bodies[b];
-    const ParticleShare<Dim> share(communicator, definition);
+    ParticleShare<Dim> share(communicator, definition);
     const Survey<Dim> survey(share, state.geometry());
     const GlobalIndex total = communicator.sum(survey.count);
     require(total > 0, "{}: body \"{}\" has no particles; its shape holds no lattice point, so enlarge it or refine grid.spacing",
@@ -260,6 +268,7 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
             "{}: body \"{}\" is a fluid, which has no deformation gradient to start with; leave it out of the body and of its "
             "point cloud",
             definition.where, definition.name);
+    share.share_volume(total);
     const GlobalIndex first_id = next_id + communicator.exclusive_sum(survey.count);
     next_id += total;
     const Vec<Dim> centre = middle(communicator, definition, survey);

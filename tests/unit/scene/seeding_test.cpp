@@ -132,9 +132,11 @@ TEST(Seeding, OnlyPowersAreParticleCounts) {
     EXPECT_EQ(particles_per_direction<3>(n * n * n), n);
   }
   EXPECT_EQ(refusal(8, 2),
-            "particles_per_cell = 8 is no perfect square; the nearest that are so are 4 and 9.");
+            "particles_per_cell = 8 is no perfect square; the nearest that are so are 4 and 9; or take "
+            "sampling = \"poisson_disk\".");
   EXPECT_EQ(refusal(40, 3),
-            "particles_per_cell = 40 is no perfect cube; the nearest that are so are 27 and 64.");
+            "particles_per_cell = 40 is no perfect cube; the nearest that are so are 27 and 64; or take "
+            "sampling = \"poisson_disk\".");
   EXPECT_NE(refusal(0, 2), "accepted");
   Parameters p = Parameters::read_text("[body]\nparticles_per_cell = 5", "s.toml");
   SeedingOptions<2> o;
@@ -144,7 +146,8 @@ TEST(Seeding, OnlyPowersAreParticleCounts) {
   } catch (const UserError& error) {
     EXPECT_STREQ(
         error.what(),
-        "s.toml:2:22: particles_per_cell = 5 is no perfect square; the nearest that are so are 4 and 9.");
+        "s.toml:2:22: particles_per_cell = 5 is no perfect square; the nearest that are so are 4 and 9; or take "
+        "sampling = \"poisson_disk\".");
   }
 }
 
