@@ -30,7 +30,8 @@ Slot BlockMap::find(BlockKey key) const {
 }
 
 template <int Dim>
-void BlockTopology<Dim>::rebuild(const std::vector<BlockKey>& owned, const std::vector<BlockKey>& ghosts) {
+void BlockTopology<Dim>::rebuild(const std::vector<BlockKey>& owned, const std::vector<BlockKey>& ghosts,
+                                 const GridGeometry<Dim>& grid) {
   owned_ = static_cast<Slot>(owned.size());
   keys_ = owned;
   keys_.insert(keys_.end(), ghosts.begin(), ghosts.end());
@@ -42,6 +43,7 @@ void BlockTopology<Dim>::rebuild(const std::vector<BlockKey>& owned, const std::
     for (int n = 0; n < block_neighbours<Dim>; ++n) {
       IntVec<Dim> block = centre;
       for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= 3) block[a] += rest % 3 - 1;
+      block = grid.same_block(block);
       const bool inside = (block.array() >= 0).all();
       neighbours_[static_cast<std::size_t>(s) * block_neighbours<Dim> + n] =
           inside ? map_.find(block_key<Dim>(block)) : no_slot;

@@ -1,9 +1,26 @@
 #include "mpm_hpc/fields/particle_order.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace mpm {
+
+template <int Dim>
+Vec<Dim> wrapped_place(const GridGeometry<Dim>& grid, Vec<Dim> x, Real shift) {
+  for (int a = 0; a < Dim; ++a) {
+    if (!grid.periodic(a)) continue;
+    auto base = [&] {
+      return std::floor((x[a] - grid.origin()[a]) * grid.inverse_spacing() - shift) - grid.margin;
+    };
+    const Real last = grid.cells()[a] - 1;
+    if (const Real turns = std::floor(base() / grid.cells()[a]); turns != 0) x[a] -= turns * grid.period(a);
+    // Rounding may leave it on the wrong side of the seam.
+    if (base() > last) x[a] -= grid.period(a);
+    for (Real nudge = 1e-16 * grid.period(a); base() < 0; nudge *= 2) x[a] += nudge;
+  }
+  return x;
+}
 
 template <int Dim>
 std::vector<BlockKey> order_particles(Body<Dim>& body, const GridGeometry<Dim>& grid, Real shift, int pad,
@@ -103,6 +120,8 @@ std::vector<BlockKey> order_particles(Body<Dim>& body, const GridGeometry<Dim>& 
   return occupied;
 }
 
+template Vec<2> wrapped_place<2>(const GridGeometry<2>&, Vec<2>, Real);
+template Vec<3> wrapped_place<3>(const GridGeometry<3>&, Vec<3>, Real);
 template std::vector<BlockKey> order_particles<2>(Body<2>&, const GridGeometry<2>&, Real, int, OrderWithinCell);
 template std::vector<BlockKey> order_particles<3>(Body<3>&, const GridGeometry<3>&, Real, int, OrderWithinCell);
 

@@ -8,7 +8,7 @@ namespace mpm {
 
 template <int Dim>
 Decomposition<Dim>::Decomposition(const GridGeometry<Dim>& grid, Partitioner partitioner)
-    : blocks_(grid.blocks()), partitioner_(partitioner) {
+    : grid_(grid), partitioner_(partitioner) {
   for (shift_ = 0;; ++shift_) {
     entries_ = 1;
     for (int a = 0; a < Dim; ++a) {

@@ -55,18 +55,44 @@ typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vecto
 }
 
 template <int Dim>
+void Distribution<Dim>::wrap(std::vector<Body<Dim>>& bodies) const {
+  if (!grid_.any_periodic()) return;
+  for (Body<Dim>& body : bodies)
+    for (Index p = 0; p < body.particles.size(); ++p) {
+      if (body.is_padding(p)) continue;
+      const Vec<Dim> x = position_of(body, p);
+      if (!x.allFinite()) continue;  // found by the leave policy
+      const Vec<Dim> wrapped = wrapped_place(grid_, x, options_.kernel_shift);
+      for (int a = 0; a < Dim; ++a) body.particles.template data<Real>(core::position, a)[p] = wrapped[a];
+    }
+}
+
+template <int Dim>
+bool Distribution<Dim>::left_through_open_side(const Vec<Dim>& x) const {
+  for (int a = 0; a < Dim; ++a)
+    if ((options_.open[2 * a] && x[a] < grid_.lower()[a]) ||
+        (options_.open[2 * a + 1] && x[a] > grid_.upper()[a]))
+      return true;
+  return false;
+}
+
+template <int Dim>
 void Distribution<Dim>::apply_leave_policy(std::vector<Body<Dim>>& bodies) {
   std::string failure;
   for (Body<Dim>& body : bodies) {
     for (Index p = 0; p < body.particles.size(); ++p) {
       if (body.is_padding(p)) continue;
       const Vec<Dim> x = position_of(body, p);
-      if (grid_.contains(x)) continue;
-      if (options_.leave_policy == LeavePolicy::stop || !x.allFinite()) {
+      if (grid_.contains(x) && x.allFinite()) continue;
+      if (left_through_open_side(x)) {
+        body.particles.template data<GlobalIndex>(core::id)[p] = padding_id;
+        ++left_;
+      } else if (options_.leave_policy == LeavePolicy::stop || !x.allFinite()) {
         if (failure.empty())
           failure = fmt::format(
-              "particle {} of body \"{}\" left the domain at {} m; enlarge the domain, put a wall there, or choose "
-              "domain.on_leave = \"delete\" or \"keep\"",
+              "particle {} of body \"{}\" left the domain at {} m; enlarge the domain, put a wall there, "
+              "name the "
+              "side in domain.open, or choose domain.on_leave = \"delete\" or \"keep\"",
               body.particles.template data<GlobalIndex>(core::id)[p], body.name, describe_place<Dim>(x));
       } else if (options_.leave_policy == LeavePolicy::remove) {
         body.particles.template data<GlobalIndex>(core::id)[p] = padding_id;
@@ -77,6 +103,7 @@ void Distribution<Dim>::apply_leave_policy(std::vector<Body<Dim>>& bodies) {
           using T = decltype(zero);
           for (int a = 0; a < Dim; ++a) {
             T& v = body.particles.template data<T>(core::velocity, a)[p];
+            if (grid_.periodic(a)) continue;
             const bool below = x[a] < grid_.lower()[a], above = x[a] > grid_.upper()[a];
             if ((below && v < 0) || (above && v > 0)) v = 0;
             body.particles.template data<Real>(core::position, a)[p] =
@@ -257,6 +284,7 @@ bool Distribution<Dim>::wants_partition(OrderWithinCell within) {
 template <int Dim>
 void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within,
                                      Real seconds) {
+  wrap(bodies);
   apply_leave_policy(bodies);
   if (decomposition_.empty()) decomposition_.partition(communicator_, weights(bodies, 1), 0);
   migrate(bodies);

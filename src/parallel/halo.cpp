@@ -63,7 +63,7 @@ std::map<int, std::vector<BlockRequest>> exchange_requests(const Communicator& c
 
 // The blocks within `masks` of the given ones, sorted by key, with the masks of a block merged.
 template <int Dim>
-std::vector<BlockRequest> surroundings(const std::vector<BlockKey>& blocks,
+std::vector<BlockRequest> surroundings(const GridGeometry<Dim>& grid, const std::vector<BlockKey>& blocks,
                                        const std::array<NodeMask, block_neighbours<Dim>>& masks) {
   std::vector<BlockRequest> reached;
   reached.reserve(blocks.size() * block_neighbours<Dim>);
@@ -72,6 +72,7 @@ std::vector<BlockRequest> surroundings(const std::vector<BlockKey>& blocks,
     for (int n = 0; n < block_neighbours<Dim>; ++n) {
       IntVec<Dim> block = centre;
       for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= 3) block[a] += rest % 3 - 1;
+      block = grid.same_block(block);
       if ((block.array() >= 0).all()) reached.push_back({block_key<Dim>(block), masks[n]});
     }
   }
@@ -114,7 +115,7 @@ void Halo<Dim>::rebuild(const Communicator& communicator, const Decomposition<Di
   for (int n = 0; n < block_neighbours<Dim>; ++n) masks[n] = reachable_nodes<Dim>(n, kernel_support);
   std::vector<BlockKey> owned;
   Wanted wanted;
-  for (const BlockRequest& block : surroundings<Dim>(occupied, masks)) {
+  for (const BlockRequest& block : surroundings<Dim>(decomposition.grid(), occupied, masks)) {
     const int owner = decomposition.owner(block_of_key<Dim>(block.key));
     if (owner == communicator.rank()) {
       owned.push_back(block.key);
@@ -130,7 +131,7 @@ void Halo<Dim>::rebuild(const Communicator& communicator, const Decomposition<Di
   std::vector<BlockKey> ghosts;
   for (const auto& [owner, list] : wanted)
     for (const BlockRequest& request : list) ghosts.push_back(request.key);
-  topology.rebuild(owned, ghosts);
+  topology.rebuild(owned, ghosts, decomposition.grid());
   connect(communicator, topology, wanted, asked);
 }
 
@@ -142,8 +143,8 @@ void Halo<Dim>::rebuild_for_rows(const Communicator& communicator, const Decompo
   std::vector<BlockKey> owned, ghosts;
   for (Slot s = 0; s < topology.size(); ++s) (s < topology.owned() ? owned : ghosts).push_back(topology.key(s));
   Wanted wished;
-  const IntVec<Dim> blocks = decomposition.blocks();
-  for (const BlockRequest& block : surroundings<Dim>(owned, masks)) {
+  const IntVec<Dim> blocks = decomposition.grid().blocks();
+  for (const BlockRequest& block : surroundings<Dim>(decomposition.grid(), owned, masks)) {
     const IntVec<Dim> place = block_of_key<Dim>(block.key);
     if ((place.array() >= blocks.array()).any()) continue;
     const int owner = decomposition.owner(place);
@@ -159,7 +160,7 @@ void Halo<Dim>::rebuild_for_rows(const Communicator& communicator, const Decompo
   for (const auto& [owner, list] : wanted)
     for (const BlockRequest& request : list)
       if (topology.find(request.key) == no_slot) ghosts.push_back(request.key);
-  topology.rebuild(owned, ghosts);
+  topology.rebuild(owned, ghosts, decomposition.grid());
   connect(communicator, topology, wanted, granted);
 }
 

@@ -21,8 +21,67 @@ Enumeration number_of(const std::vector<std::string>& names, const std::string& 
   return static_cast<Enumeration>(std::find(names.begin(), names.end(), name) - names.begin());
 }
 
+// Side number of "x_min", "x_max", "y_min", ...; -1 for any other text.
+template <int Dim>
+int side_number(const std::string& name) {
+  for (int side = 0; side < 2 * Dim; ++side)
+    if (name == domain_side_name(side)) return side;
+  return -1;
+}
+
+template <int Dim>
+void read_sides(Parameters& q, Scene<Dim>& scene) {
+  std::vector<std::string> directions, sides;
+  q.text_list("periodic", directions,
+              {.doc = "Directions in which the domain repeats itself, such as [\"x\"]: what leaves on one "
+                      "side comes in on the "
+                      "other. Shapes of effects are not repeated."});
+  q.text_list(
+      "open", sides,
+      {.doc = "Sides through which particles leave for good, counted in run.json, such as [\"x_max\"]."});
+  for (const std::string& direction : directions) {
+    const std::size_t a = std::string_view("xyz").substr(0, Dim).find(direction);
+    if (direction.size() != 1 || a == std::string_view::npos) {
+      q.error_at("periodic", fmt::format("\"{}\" is no direction here; use {}.", direction,
+                                         Dim == 2 ? "\"x\" and \"y\"" : "\"x\", \"y\" and \"z\""));
+    } else {
+      scene.periodic[a] = true;
+    }
+  }
+  for (const std::string& name : sides) {
+    const int side = side_number<Dim>(name);
+    if (side < 0)
+      q.error_at("open",
+                 fmt::format("\"{}\" is no side; the sides are x_min, x_max, y_min and so on.", name));
+    if (scene.periodic[side / 2])
+      q.error_at("open", fmt::format("{} can't be open, since {} is periodic; take one of the two out.", name,
+                                     "xyz"[side / 2]));
+    scene.distribution.open[side] = true;
+  }
+}
+
+// The nearest domains that a periodic direction can have.
+template <int Dim>
+void check_periods(const Scene<Dim>& scene, const std::string& where) {
+  using Grid = GridGeometry<Dim>;
+  for (int a = 0; a < Dim; ++a) {
+    const Real length = scene.upper[a] - scene.lower[a], cells = length / scene.spacing;
+    if (!scene.periodic[a] || Grid::fits_period(cells)) continue;
+    const Real blocks = std::max(std::floor(cells / block_side), Real(Grid::least_period / block_side));
+    const Real below = blocks * block_side * scene.spacing, above = below + block_side * scene.spacing;
+    throw UserError(
+        fmt::format("{}: the domain is {:.6g} cells long in {}, but a periodic direction takes a multiple of "
+                    "{} cells, {} at least; the "
+                    "nearest {} m, or change grid.spacing.",
+                    where, cells, "xyz"[a], block_side, static_cast<int>(Grid::least_period),
+                    cells > Grid::least_period ? fmt::format("lengths are {:.6g} and {:.6g}", below, above)
+                                               : fmt::format("length is {:.6g}", below)));
+  }
+}
+
 template <int Dim>
 void read_domain(Parameters& p, Scene<Dim>& scene) {
+  std::string where_periodic;
   p.section("domain", SectionOptions("The box that holds every particle.", true), [&](Parameters& q) {
     q.vector<Dim>("lower", scene.lower, {.unit = "m", .required = true, .doc = "Lower corner."});
     q.vector<Dim>("upper", scene.upper, {.unit = "m", .required = true, .doc = "Upper corner."});
@@ -34,6 +93,8 @@ void read_domain(Parameters& p, Scene<Dim>& scene) {
     scene.distribution.leave_policy = policy == "stop"     ? LeavePolicy::stop
                                       : policy == "delete" ? LeavePolicy::remove
                                                            : LeavePolicy::keep;
+    read_sides(q, scene);
+    where_periodic = q.where("periodic");
   });
   p.section("grid", SectionOptions("The background grid.", true), [&](Parameters& q) {
     q.real("spacing", scene.spacing,
@@ -49,6 +110,7 @@ void read_domain(Parameters& p, Scene<Dim>& scene) {
                                           "are possible; take a larger grid.spacing or a smaller domain",
                                           blocks, 1 << 20));
     }
+    check_periods(scene, where_periodic);
   });
 }
 

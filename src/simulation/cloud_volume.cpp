@@ -23,7 +23,8 @@ void volumes_from_grid_density(State<Dim>& state, std::size_t body_number) {
         block[a] = node[a] / block_side;
         in_block = block_side * in_block + node[a] % block_side;
       }
-      const std::size_t slot = static_cast<std::size_t>(topology.find(block_key<Dim>(block)));
+      const std::size_t slot =
+          static_cast<std::size_t>(topology.find(block_key<Dim>(geometry.same_block(block))));
       return nodes[(slot * nodes_per_block<Dim> + in_block) * node_values];
     };
     auto for_real_particles = [&](auto&& f) {

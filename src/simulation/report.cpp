@@ -181,6 +181,8 @@ RunReport make_report(State<Dim>& state, const std::vector<std::unique_ptr<Effec
     report.solver_unknowns[name] = static_cast<Real>(work.unknowns) / static_cast<Real>(std::max<GlobalIndex>(1, work.solves));
   }
   state.guards["particles_removed_outside_domain"] += state.distribution.take_removed();
+  if (state.distribution.any_open())
+    state.guards["particles_left_through_open_sides"] += state.distribution.take_left();
   state.guards["particles_put_back_onto_wall"] += state.distribution.take_kept();
   for (const auto& [name, count] : state.guards) report.guards[name] = communicator.sum(count);
   return report;

@@ -124,6 +124,8 @@ std::map<std::string, std::vector<Real>> Run<Dim>::state_numbers() {
   state_.ledger.consolidate(communicator_);
   for (const auto& [name, value] : state_.ledger.entries()) numbers["ledger:" + name] = {communicator_.sum(value)};
   state_.guards["particles_removed_outside_domain"] += state_.distribution.take_removed();
+  if (state_.distribution.any_open())
+    state_.guards["particles_left_through_open_sides"] += state_.distribution.take_left();
   state_.guards["particles_put_back_onto_wall"] += state_.distribution.take_kept();
   for (const auto& [name, count] : state_.guards)
     numbers["guard:" + name] = {static_cast<Real>(communicator_.sum(count))};

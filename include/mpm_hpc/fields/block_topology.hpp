@@ -38,8 +38,9 @@ constexpr int neighbour_number(const std::array<int, Dim>& offset) {
 template <int Dim>
 class BlockTopology {
  public:
-  // owned: sorted keys; ghosts: keys in halo order.
-  void rebuild(const std::vector<BlockKey>& owned, const std::vector<BlockKey>& ghosts);
+  // owned: sorted keys; ghosts: keys in halo order. The grid says which blocks meet across periodic sides.
+  void rebuild(const std::vector<BlockKey>& owned, const std::vector<BlockKey>& ghosts,
+               const GridGeometry<Dim>& grid = {});
 
   Slot owned() const { return owned_; }
   Slot size() const { return static_cast<Slot>(keys_.size()); }

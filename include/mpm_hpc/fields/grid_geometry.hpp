@@ -1,8 +1,11 @@
 // Where nodes, cells and blocks of the background grid are; all integer coordinates are non-negative.
 #pragma once
 
+#include <array>
 #include <cmath>
+#include <string>
 
+#include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/base/types.hpp"
 
 namespace mpm {
@@ -34,22 +37,43 @@ IntVec<Dim> block_of_key(BlockKey key) {
   return block;
 }
 
+// "x_min", "x_max", "y_min", ... for side number 0, 1, 2, ...
+inline std::string domain_side_name(int side) {
+  return std::string(1, "xyz"[side / 2]) + (side % 2 ? "_max" : "_min");
+}
+
 // Uniform grid over the domain box with a margin of two blocks on each side, where the stencils of particles at (and up
-// to one cell beyond) the domain's faces end.
+// to one cell beyond) the domain's faces end. In a periodic direction the domain repeats itself: it is a whole number of
+// blocks long, and the margin's blocks are those of the other side.
 template <int Dim>
 class GridGeometry {
  public:
   static constexpr int margin = 2 * block_side;
 
   GridGeometry() = default;
-  // lower, upper: the domain [m]; spacing: h [m]. The grid starts at lower and covers upper.
-  GridGeometry(const Vec<Dim>& lower, const Vec<Dim>& upper, Real spacing)
-      : lower_(lower), upper_(upper), spacing_(spacing), inverse_spacing_(1 / spacing) {
+  // lower, upper: the domain [m]; spacing: h [m]. The grid starts at lower and covers upper. Throws LogicError unless
+  // fits_period() holds in the periodic directions.
+  GridGeometry(const Vec<Dim>& lower, const Vec<Dim>& upper, Real spacing,
+               const std::array<bool, Dim>& periodic = {})
+      : lower_(lower), upper_(upper), spacing_(spacing), inverse_spacing_(1 / spacing), periodic_(periodic) {
     origin_ = lower - Vec<Dim>::Constant(margin * spacing);
     for (int a = 0; a < Dim; ++a) {
       cells_[a] = static_cast<std::int32_t>(std::ceil((upper[a] - lower[a]) / spacing * (1 - 1e-12)));
+      if (periodic[a]) {
+        debug_check(fits_period((upper[a] - lower[a]) / spacing),
+                    "a periodic direction is no whole number of blocks");
+        cells_[a] = static_cast<std::int32_t>(std::lround((upper[a] - lower[a]) / spacing));
+      }
       blocks_[a] = (cells_[a] + 2 * margin) / block_side + 1;
     }
+  }
+
+  // A block must not be its own neighbour, nor the same one on both sides.
+  static constexpr int least_period = 3 * block_side;  // [cells]
+  // Whether a direction so many cells long can be periodic.
+  static bool fits_period(Real cells) {
+    const Real blocks = cells / block_side;
+    return std::abs(blocks - std::round(blocks)) < 1e-9 * blocks && std::lround(cells) >= least_period;
   }
 
   const Vec<Dim>& lower() const { return lower_; }
@@ -64,14 +88,37 @@ class GridGeometry {
   Vec<Dim> node_position(const IntVec<Dim>& node) const {
     return origin_ + spacing_ * node.template cast<Real>();
   }
+  // A periodic direction has no outside.
   bool contains(const Vec<Dim>& x) const {
-    return (x.array() >= lower_.array()).all() && (x.array() <= upper_.array()).all();
+    for (int a = 0; a < Dim; ++a)
+      if (!periodic_[a] && !(x[a] >= lower_[a] && x[a] <= upper_[a])) return false;
+    return true;
+  }
+
+  bool periodic(int direction) const { return periodic_[direction]; }
+  bool any_periodic() const {
+    for (const bool p : periodic_)
+      if (p) return true;
+    return false;
+  }
+  // Length [m] after which a periodic direction repeats itself.
+  Real period(int direction) const { return cells_[direction] * spacing_; }
+  // The block that holds the same nodes: inside the domain in periodic directions, else the block itself.
+  IntVec<Dim> same_block(IntVec<Dim> block) const {
+    constexpr std::int32_t first = margin / block_side;
+    for (int a = 0; a < Dim; ++a) {
+      if (!periodic_[a]) continue;
+      const std::int32_t count = cells_[a] / block_side, place = (block[a] - first) % count;
+      block[a] = first + (place < 0 ? place + count : place);
+    }
+    return block;
   }
 
  private:
   Vec<Dim> lower_, upper_, origin_;
   Real spacing_ = 0, inverse_spacing_ = 0;
   IntVec<Dim> cells_, blocks_;
+  std::array<bool, Dim> periodic_{};
 };
 
 }  // namespace mpm

@@ -18,6 +18,10 @@ inline IntVec<Dim> base_node(const GridGeometry<Dim>& grid, const Vec<Dim>& x, R
   return base;
 }
 
+// The place in a periodic grid with the same nodes around it, such that its base node is one of the domain.
+template <int Dim>
+Vec<Dim> wrapped_place(const GridGeometry<Dim>& grid, Vec<Dim> x, Real shift);
+
 enum class OrderWithinCell {
   stable,    // keep the present order
   canonical  // by identity, so that the order doesn't depend on the history

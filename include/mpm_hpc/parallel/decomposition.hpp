@@ -37,8 +37,7 @@ class Decomposition {
   // Largest weight of a rank over the mean, for the present owners. Collective.
   Real imbalance(const Communicator& communicator, const Weights& local_weights) const;
 
-  // Blocks of the domain per direction.
-  const IntVec<Dim>& blocks() const { return blocks_; }
+  const GridGeometry<Dim>& grid() const { return grid_; }
   bool empty() const { return owners_.empty(); }
   const std::vector<std::int32_t>& owners() const { return owners_; }
   // Takes over the owners of a checkpoint written on the same number of ranks.
@@ -47,7 +46,7 @@ class Decomposition {
   std::size_t allocated_bytes() const { return owners_.capacity() * sizeof(std::int32_t); }
 
  private:
-  IntVec<Dim> blocks_ = IntVec<Dim>::Zero();
+  GridGeometry<Dim> grid_;
   IntVec<Dim> counts_ = IntVec<Dim>::Zero();  // coarse blocks per direction
   int shift_ = 0;
   Partitioner partitioner_ = Partitioner::automatic;

@@ -1,6 +1,7 @@
 // Brings particles to their owners, sorts them, and rebuilds blocks and halo; re-balances when that pays.
 #pragma once
 
+#include <array>
 #include <map>
 #include <utility>
 #include <vector>
@@ -21,6 +22,8 @@ struct DistributionOptions {
   Partitioner partitioner = Partitioner::automatic;
   bool weigh_by_time = false;      // scale weights with the measured compute time (not reproducible)
   LeavePolicy leave_policy = LeavePolicy::stop;
+  // Sides x_min, x_max, y_min, ... through which particles leave for good, whatever the policy.
+  std::array<bool, 6> open{};
   Real kernel_shift = 0.5;
   int kernel_support = 3;
   Precision precision = Precision::double_precision;
@@ -33,7 +36,7 @@ class Distribution {
   Distribution(const Communicator& communicator, const GridGeometry<Dim>& grid, const DistributionOptions& options)
       : communicator_(communicator), grid_(grid), options_(options), decomposition_(grid, options.partitioner) {}
 
-  // Migrates, re-balances past the threshold, sorts, rebuilds topology and halo and gives the grid fields their new size.
+  // Takes particles across periodic and open sides, migrates, re-balances past the threshold, sorts, rebuilds topology and halo and gives the grid fields their new size.
   // `seconds` is this rank's compute time since the last call. Throws NumericalFailure on all ranks if a particle left
   // the domain under LeavePolicy::stop. Collective.
   void redistribute(std::vector<Body<Dim>>& bodies, GridFields& fields, OrderWithinCell within, Real seconds = 0);
@@ -53,8 +56,10 @@ class Distribution {
 
   // max/mean weight after the last redistribution.
   Real imbalance() const { return imbalance_; }
-  // Particles that the leave policy acted on here since the last call.
+  // Particles that the leave policy acted on here since the last call, and those that left through an open side.
   GlobalIndex take_removed() { return std::exchange(removed_, 0); }
+  bool any_open() const { return options_.open != std::array<bool, 6>{}; }
+  GlobalIndex take_left() { return std::exchange(left_, 0); }
   GlobalIndex take_kept() { return std::exchange(kept_, 0); }
   // On this rank, since the start.
   GlobalIndex migrated() const { return migrated_; }
@@ -65,6 +70,8 @@ class Distribution {
 
  private:
   typename Decomposition<Dim>::Weights weights(const std::vector<Body<Dim>>& bodies, Real factor) const;
+  void wrap(std::vector<Body<Dim>>& bodies) const;
+  bool left_through_open_side(const Vec<Dim>& x) const;
   void apply_leave_policy(std::vector<Body<Dim>>& bodies);
   // Places in a body's columns: those of the particles that go away, by their new owner, and those that are free.
   struct Leaving {
@@ -94,7 +101,7 @@ class Distribution {
   Halo<Dim> halo_, row_halo_;
   bool needs_row_halo_ = false;
   Real imbalance_ = 1;
-  GlobalIndex removed_ = 0, kept_ = 0, migrated_ = 0;
+  GlobalIndex removed_ = 0, left_ = 0, kept_ = 0, migrated_ = 0;
   int sorts_ = 0, partitions_ = 0, rebalances_ = 0;
   // What the last partition left, and how many sorts ago: what can't be balanced isn't tried again at every sort.
   Real settled_ = 0;

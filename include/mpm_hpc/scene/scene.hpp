@@ -1,6 +1,7 @@
 // The scene as the user wrote it: domain, bodies, materials, effects, time, output.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -63,7 +64,9 @@ struct Scene {
   std::vector<std::unique_ptr<Effect<Dim>>> effects;
   std::string text;  // verbatim
 
-  GridGeometry<Dim> geometry() const { return {lower, upper, spacing}; }
+  std::array<bool, Dim> periodic{};
+
+  GridGeometry<Dim> geometry() const { return {lower, upper, spacing, periodic}; }
 };
 
 // `dimension`, the one key that decides how the rest is read.

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/effects/boundary/node_loop.hpp"
 
 namespace mpm {
@@ -16,9 +17,10 @@ Walls<Dim>::Walls(Parameters& p) : reaction_("walls", p.where()) {
   names.push_back("none");
   for (int side = 0; side < 2 * Dim; ++side) {
     std::string condition = "none";
-    p.choice(side_name(side), condition, names, "Condition on this side of the domain.");
+    p.choice(domain_side_name(side), condition, names, "Condition on this side of the domain.");
     if (p.describing() || condition == "none") continue;
     any = true;
+    where_[side] = p.where(domain_side_name(side));
     sides_[side] = Contact{contact_condition(condition)};
     any_sliding = any_sliding || sides_[side]->condition != ContactCondition::sticky;
   }
@@ -37,13 +39,22 @@ template <int Dim>
 std::string Walls<Dim>::explain() const {
   std::vector<std::string> parts;
   for (int side = 0; side < 2 * Dim; ++side)
-    if (sides_[side]) parts.push_back(fmt::format("{} {}", side_name(side), sides_[side]->describe()));
+    if (sides_[side]) parts.push_back(fmt::format("{} {}", domain_side_name(side), sides_[side]->describe()));
   return fmt::format("walls: {}", fmt::join(parts, ", "));
 }
 
 template <int Dim>
 void Walls<Dim>::declare_fields(State<Dim>& state) {
   reaction_.declare(state);
+  for (int side = 0; side < 2 * Dim; ++side) {
+    if (!sides_[side]) continue;
+    require(!state.geometry().periodic(side / 2),
+            "{}: {} can't be a wall, since domain.periodic has {}; take one of the two out.", where_[side],
+            domain_side_name(side), "xyz"[side / 2]);
+    require(!state.distribution.options().open[side],
+            "{}: {} can't be a wall, since domain.open has it; take one of the two out.", where_[side],
+            domain_side_name(side));
+  }
 }
 
 template <int Dim>

@@ -26,12 +26,10 @@ class Walls final : public Effect<Dim> {
   }
 
  private:
-  static std::string side_name(int side) {
-    return std::string(1, "xyz"[side / 2]) + (side % 2 ? "_max" : "_min");
-  }
   void act(State<Dim>& state);
 
   std::array<std::optional<Contact>, 2 * Dim> sides_;  // x_min, x_max, y_min, ...
+  std::array<std::string, 2 * Dim> where_;             // their places in the scene
   Reaction<Dim> reaction_;
 };
 
