@@ -5,6 +5,7 @@
 #include "mpm_hpc/effects/grips/grip.hpp"
 #include "mpm_hpc/effects/obstacles/obstacle.hpp"
 #include "mpm_hpc/effects/phase_field/phase_field.hpp"
+#include "mpm_hpc/effects/threshold_damage/threshold_damage.hpp"
 #include "mpm_hpc/effects/traction/traction.hpp"
 #include "mpm_hpc/effects/walls/walls.hpp"
 
@@ -30,6 +31,8 @@ std::vector<EffectEntry<Dim>> effect_list() {
       once<BodyForce<Dim>, Dim>("body_force", "Force on all material, given by formulas of place and time."),
       several<Traction<Dim>, Dim>("traction", "Force per area on the surface layer of a body."),
       once<PhaseField<Dim>, Dim>("phase_field", "Phase-field fracture of bodies whose material has a toughness."),
+      once<ThresholdDamage<Dim>, Dim>("threshold_damage",
+                                      "Damage of each particle by itself past a largest principal stress."),
       several<Obstacle<Dim>, Dim>("obstacle", "Rigid obstacle given by a shape, at rest or moving."),
       once<Walls<Dim>, Dim>("walls", "Conditions on the sides of the domain."),
       several<Grip<Dim>, Dim>("grip", "Region whose material moves with a prescribed velocity."),
