@@ -149,19 +149,33 @@ struct Survey {
   }
 };
 
-// The middle of a body: of its shape's bounds, or of its particles'.
+// Box of the body's particles on all ranks. Collective.
 template <int Dim>
-Vec<Dim> middle(const Communicator& communicator, const BodyDefinition<Dim>& definition, const Survey<Dim>& survey) {
-  if (definition.center) return *definition.center;
+BoundingBox<Dim> box_of(const Communicator& communicator, const Survey<Dim>& survey) {
   std::vector<Real> upper(2 * Dim);
   for (int a = 0; a < Dim; ++a) {
     upper[a] = survey.upper[a];
     upper[Dim + a] = -survey.lower[a];
   }
   communicator.max(upper);
-  Vec<Dim> centre;
-  for (int a = 0; a < Dim; ++a) centre[a] = (upper[a] - upper[Dim + a]) / 2;
-  return centre;
+  BoundingBox<Dim> box;
+  for (int a = 0; a < Dim; ++a) {
+    box.upper[a] = upper[a];
+    box.lower[a] = -upper[Dim + a];
+  }
+  return box;
+}
+
+// Its particles would lie on its own ones from across the seam.
+template <int Dim>
+void refuse_overlap(const GridGeometry<Dim>& grid, const BodyDefinition<Dim>& definition,
+                    const BoundingBox<Dim>& box) {
+  for (int a = 0; a < Dim; ++a)
+    require(!grid.periodic(a) || box.upper[a] - box.lower[a] < grid.period(a),
+            "{}: body \"{}\" is {:.6g} m long in the periodic direction {}, longer than the domain, and "
+            "would overlap itself; "
+            "shorten it or enlarge the domain",
+            definition.where, definition.name, box.upper[a] - box.lower[a], "xyz"[a], grid.period(a));
 }
 
 template <class T>
@@ -271,7 +285,9 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
     share.share_volume(total);
     const GlobalIndex first_id = next_id + communicator.exclusive_sum(survey.count);
     next_id += total;
-    const Vec<Dim> centre = middle(communicator, definition, survey);
+    const BoundingBox<Dim> box = box_of(communicator, survey);
+    refuse_overlap(state.geometry(), definition, box);
+    const Vec<Dim> centre = definition.center.value_or(0.5 * (box.lower + box.upper));
     FieldSet& fields = state.bodies[b].particles;
     fields.resize(static_cast<Index>(survey.count));
     for (FieldId f = 0; f < fields.count(); ++f) {

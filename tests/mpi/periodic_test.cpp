@@ -67,8 +67,8 @@ using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_
 TYPED_TEST_SUITE(Periodic, Dimensions);
 
 // A spinning, compressed ball flies across the seams; another one flies the same way through the middle of the domain.
-TYPED_TEST(Periodic, ABodyDoesNotNoticeTheSeam) {
-  constexpr int Dim = TypeParam::value;
+template <int Dim>
+void compare_flights(const std::string& kernel, const std::string& scheme) {
   auto body = [](Real x, Real y, Real z) {
     const std::string center = list<Dim>(x, y, z);
     return fmt::format(
@@ -79,8 +79,14 @@ TYPED_TEST(Periodic, ABodyDoesNotNoticeTheSeam) {
   };
   // The shift is a whole number of blocks in each direction: 2, 1 and 2 of them. The second ball reaches over the upper side in x
   // at the start already.
-  test::SceneWorld<Dim> first(scene_text<Dim>(all_periodic<Dim>(), body(0.2, 0.8, 3.6)));
-  test::SceneWorld<Dim> second(scene_text<Dim>(all_periodic<Dim>(), body(0.7, 1.05, 3.1)));
+  auto text = [&](const std::string& ball) {
+    std::string scene =
+        scene_text<Dim>(all_periodic<Dim>(), ball, "[transfer]\nscheme = \"" + scheme + "\"\n");
+    const std::string grid = "[grid]\n";
+    return scene.replace(scene.find(grid), grid.size(), grid + "kernel = \"" + kernel + "\"\n");
+  };
+  test::SceneWorld<Dim> first(text(body(0.2, 0.8, 3.6)));
+  test::SceneWorld<Dim> second(text(body(0.7, 1.05, 3.1)));
   GlobalIndex count = 0;
   first.for_particles([&](const Body<Dim>&, Index) { ++count; });
   count = first.state.communicator().sum(count);
@@ -105,11 +111,20 @@ TYPED_TEST(Periodic, ABodyDoesNotNoticeTheSeam) {
   }
   if (test::rank() == 0)
     std::printf(
-        "%dD: largest difference between the two flights %.2g (expected < 1e-12), %g coordinates wrapped\n",
-        Dim, worst, crossed);
-  EXPECT_LT(worst, 1e-12);
+        "%dD, %s %s: largest difference between the two flights %.2g (expected < 1e-12), %g coordinates "
+        "wrapped\n",
+        Dim, kernel.c_str(), scheme.c_str(), worst, crossed);
+  // Nodes of little mass at the rim of a body amplify rounding, most with forces that jump from cell to cell.
+  EXPECT_LT(worst, kernel == "linear" ? 1e-11 : 1e-12);
   EXPECT_GT(crossed, 10);
   EXPECT_EQ(a.size(), start.size());
+}
+
+TYPED_TEST(Periodic, ABodyDoesNotNoticeTheSeam) {
+  constexpr int Dim = TypeParam::value;
+  compare_flights<Dim>("quadratic", "apic");
+  compare_flights<Dim>("cubic", "apic");
+  compare_flights<Dim>("linear", "flip");
 }
 
 // The phase field's system couples the nodes on both sides of the seam, however it is applied.
@@ -268,8 +283,9 @@ TYPED_TEST(Periodic, ParticlesLeaveThroughOpenSidesOnly) {
   EXPECT_THROW(run(closed, 0.375, 120), NumericalFailure);
 }
 
-std::string fault(const std::string& sides, const std::string& more = "") {
-  const std::string body = "shape = {type = \"box\", lower = [0, 0.75], upper = [0.25, 1]}";
+std::string fault(const std::string& sides, const std::string& more = "",
+                  const std::string& lower = "[0, 0.75]", const std::string& upper = "[0.25, 1]") {
+  const std::string body = "shape = {type = \"box\", lower = " + lower + ", upper = " + upper + "}";
   try {
     test::SceneWorld<2> world(scene_text<2>(sides, body, more));
   } catch (const UserError& error) {
@@ -302,6 +318,12 @@ TEST(PeriodicScene, BadSidesAreRefused) {
     }
     return std::string("accepted");
   };
+  // A body may reach over a seam, but not onto itself.
+  EXPECT_EQ(fault("periodic = [\"x\", \"y\"]", "", "[-0.3, 0.75]", "[0.25, 1.4]"), "accepted");
+  EXPECT_EQ(fault("periodic = [\"x\"]", "", "[-0.5, 0.75]", "[0.6, 1]"),
+            "scene.toml:15:1: body \"body_0\" is 1.0625 m long in the periodic direction x, longer than the "
+            "domain, and would "
+            "overlap itself; shorten it or enlarge the domain");
   EXPECT_EQ(with_spacing("0.05"),
             "scene.toml:5:12: the domain is 15 cells long in y, but a periodic direction takes a multiple of "
             "4 cells, 12 at "
