@@ -7,6 +7,8 @@
 #include <cctype>
 #include <map>
 #include <numbers>
+#include <set>
+#include <utility>
 
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/base/text.hpp"
@@ -76,23 +78,28 @@ struct Formulas::Impl {
   std::vector<Real> values;             // of the variables; addresses stay
   std::map<std::string, Real> defined;  // values of the definitions in use; addresses stay
   std::vector<std::string> used;        // variables
-  std::vector<Expression> definitions;  // in the order of evaluation
-  std::vector<Expression> expressions;  // of the components that are no numbers
+  std::vector<Expression> definitions;  // that vary, in the order of evaluation
+  std::vector<Expression> expressions;  // of the components that vary
   std::vector<Real> components;
   std::vector<std::string> texts;
   const Definitions* known = nullptr;  // while it is compiled
   std::vector<std::string> under_way;  // definitions that are being compiled
+  std::set<std::string> varying;       // definitions
+  bool varies = false;                 // whether what is being compiled has met a variable
 
   static Real* find_name(const char* name, void* self) { return static_cast<Impl*>(self)->find(name); }
 
   Real* find(const std::string& name) {
     if (const auto variable = std::find(names.begin(), names.end(), name); variable != names.end()) {
       if (std::find(used.begin(), used.end(), name) == used.end()) used.push_back(name);
+      varies = true;
       return &values[static_cast<std::size_t>(variable - names.begin())];
     }
     if (const auto done = defined.find(name);
-        done != defined.end() && std::find(under_way.begin(), under_way.end(), name) == under_way.end())
+        done != defined.end() && std::find(under_way.begin(), under_way.end(), name) == under_way.end()) {
+      varies = varies || varying.contains(name);
       return &done->second;
+    }
     const auto definition = std::find_if(known->begin(), known->end(),
                                          [&name](const auto& entry) { return entry.first == name; });
     if (definition == known->end()) throw UnknownName{name};
@@ -102,10 +109,24 @@ struct Formulas::Impl {
     Real& result = defined[name] = definition->second.number;
     if (!definition->second.text.empty()) {
       under_way.push_back(name);
-      definitions.push_back(compiled(definition->second, &result));
+      if (compile(definition->second, &result, definitions)) varying.insert(name);
       under_way.pop_back();
     }
     return &result;
+  }
+
+  // Adds an expression to the list if it varies, and returns whether it does; else its value is found once and for all.
+  bool compile(const FormulaText& formula, Real* result, std::vector<Expression>& list) {
+    const bool outer = std::exchange(varies, false);
+    Expression expression = compiled(formula, result);
+    const bool varied = varies;
+    if (varied) {
+      list.push_back(std::move(expression));
+    } else {
+      *result = expression.parser->Eval();
+    }
+    varies = varied || outer;
+    return varied;
   }
 
   Expression compiled(const FormulaText& formula, Real* result) {
@@ -157,8 +178,7 @@ Formulas::Formulas(const std::vector<std::string>& variables, const std::vector<
     impl_->components[c] = components[c].number;
     impl_->texts.push_back(components[c].text.empty() ? fmt::format("{:.6g}", components[c].number)
                                                       : components[c].text);
-    if (!components[c].text.empty())
-      impl_->expressions.push_back(impl_->compiled(components[c], &impl_->components[c]));
+    if (!components[c].text.empty()) impl_->compile(components[c], &impl_->components[c], impl_->expressions);
   }
   impl_->known = nullptr;
 }

@@ -84,6 +84,12 @@ A = "5 mm"
 start = "X + Y + Z"
 )toml");
   EXPECT_NEAR(at(r.velocity, 3, 4, 0)[0], 0.005 * std::sin(10), 1e-17);
+  // What doesn't vary is found once, through other definitions too.
+  const Read constant =
+      read("velocity = [\"2*c\", \"c*x\"]\n[define]\nc = \"b + 1\"\nb = \"sqrt(a)\"\na = 9");
+  EXPECT_EQ(at(constant.velocity, 5, 0, 0), Vec<2>(8, 20));
+  EXPECT_EQ(at(constant.velocity, 6, 0, 0), Vec<2>(8, 24));
+  EXPECT_TRUE(read("velocity = [\"pi\", \"c\"]\n[define]\nc = \"2*pi\"").velocity.constant());
   EXPECT_NEAR(at(r.velocity, 3, 4, 0)[1], -5, 1e-15);
   EXPECT_TRUE(r.velocity.uses("x"));
   EXPECT_FALSE(r.velocity.uses("t"));
