@@ -7,6 +7,7 @@
 
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/effects/body_names.hpp"
+#include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/math/tensor.hpp"
 
 namespace mpm {
@@ -85,8 +86,9 @@ void ThresholdDamage<Dim>::update_body(State<Dim>& state, std::size_t body_numbe
   const Body<Dim>& body = state.bodies[body_number];
   const Material<Dim>& material = state.material_of(body_number);
   const FieldSet& f = body.particles;
-  const T* F[Dim * Dim];
-  for (int c = 0; c < Dim * Dim; ++c) F[c] = f.template data<T>(core::deformation_gradient, c);
+  MaterialColumns<Dim, T> columns = material_columns<T>(state, body_number);
+  columns.phase = nullptr;  // the stress of the undamaged material
+  const T* const* F = columns.F;
   T* phase = f.template data<T>(state.degradation[body_number].phase);
   const T* volume = f.template data<T>(core::volume);
   alignas(64) T storage[components][chunk_particles];
@@ -97,7 +99,7 @@ void ThresholdDamage<Dim>::update_body(State<Dim>& state, std::size_t body_numbe
   for (const BlockRange& range : body.ranges)
     for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
       const Index end = std::min<Index>(begin + chunk_particles, range.end);
-      material.stress(F, nullptr, 0, begin, end, tau);
+      material.stress(columns, begin, end, tau);
       bool has_energy = false;
       for (Index p = begin; p < end; p += W) {
         SymTensor<S, Dim> t;
@@ -122,7 +124,7 @@ void ThresholdDamage<Dim>::update_body(State<Dim>& state, std::size_t body_numbe
           const Real before = phase[lane], after = std::min(before, phase_at(largest));
           if (!(after < before)) continue;
           phase[lane] = static_cast<T>(after);
-          if (!has_energy) material.energy_plus(F, begin, end, energy);
+          if (!has_energy) material.energy_plus(columns, begin, end, energy);
           has_energy = true;
           lost += volume[lane] * energy[lane - begin] * (1 - residual_) * (before * before - after * after);
         }
