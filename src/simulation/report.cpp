@@ -246,6 +246,12 @@ std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<
                                  communicator.size());
   text += fmt::format("{} particles, {} active nodes (unknowns of an implicit solve: up to {} each)\n",
                       static_cast<GlobalIndex>(particles), nodes, Dim);
+  for (int a = 0; a < Dim; ++a)
+    if (state.geometry().periodic(a))
+      text += fmt::format("periodic in {}: after {:.6g} m\n", "xyz"[a], state.geometry().period(a));
+  for (int side = 0; side < 2 * Dim; ++side)
+    if (state.distribution.options().open[side])
+      text += fmt::format("open at {}: what leaves there is deleted\n", domain_side_name(side));
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     const Body<Dim>& body = state.bodies[b];
     const GlobalIndex count = communicator.sum(static_cast<GlobalIndex>(body.real_particles()));

@@ -21,7 +21,7 @@ class BodyForce final : public Effect<Dim> {
   MemoryAccount memory() const override;
 
  private:
-  // What a formula is asked for: x (and z = 0 in 2D has no name), t, X.
+  // The formulas': the present place, t, and the place at the start.
   static constexpr int variables = 2 * Dim + 1;
 
   template <class F>
