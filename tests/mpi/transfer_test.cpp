@@ -17,7 +17,7 @@ using namespace mpm;
 namespace {
 
 constexpr Real spacing = 0.05, poisson_ratio = 0.3, dt = 0.002, flip_blend = 0.9;
-constexpr int steps = 40;
+constexpr int steps = 60;
 
 // The linear kernel can't stand more: next to a node its forces have no bound.
 template <class Kernel>
