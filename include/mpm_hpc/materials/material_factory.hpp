@@ -60,11 +60,7 @@ struct ChosenRule {
 template <class... Rules>
 ChosenRule<Rules...> read_plasticity(RuleList<Rules...>, Parameters& parameters) {
   ChosenRule<Rules...> chosen;
-  if (!parameters.has("plasticity")) {
-    // Declared all the same, so that a misspelt neighbour is told what it may be.
-    parameters.section("plasticity", SectionOptions("plasticity; without it the material is elastic"), [](Parameters&) {});
-    return chosen;
-  }
+  if (!parameters.has("plasticity")) return chosen;
   parameters.section("plasticity", SectionOptions("plasticity; without it the material is elastic"), [&](Parameters& q) {
     std::string model, doc = "rule that returns stresses to a yield surface";
     ((doc += fmt::format("; {}: {}", Rules::name, Rules::doc)), ...);
