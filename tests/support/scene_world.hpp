@@ -12,9 +12,9 @@ namespace mpm::test {
 template <int Dim>
 class SceneWorld {
  public:
-  explicit SceneWorld(const std::string& text,
-                      const std::vector<EffectEntry<Dim>>& effects = effect_list<Dim>()) {
-    Parameters parameters = Parameters::read_text(text, "scene.toml");
+  explicit SceneWorld(const std::string& text, const std::vector<EffectEntry<Dim>>& effects = effect_list<Dim>(),
+                      const std::vector<std::string>& overrides = {}) {
+    Parameters parameters = Parameters::read_text(text, "scene.toml", overrides);
     read_dimension(parameters);
     scene = read_scene<Dim>(parameters, effects);
     declare_state(Communicator::world(), scene, state);

@@ -1,16 +1,28 @@
 // A scene from text that a test moves step by step, looking at the state in between.
 #pragma once
 
+#include <fstream>
+#include <sstream>
+
 #include "mpm_hpc/simulation/diagnostics.hpp"
 #include "mpm_hpc/time/explicit_integrator.hpp"
 #include "support/scene_world.hpp"
 
 namespace mpm::test {
 
+// The text of a scene that is shipped.
+inline std::string shipped_scene(const std::string& name) {
+  std::ifstream file(std::string(MPM_SOURCE_DIR) + "/apps/scenes/" + name + ".toml");
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
 template <int Dim>
 class Stepper : public SceneWorld<Dim> {
  public:
-  explicit Stepper(const std::string& text) : SceneWorld<Dim>(text) {
+  explicit Stepper(const std::string& text, const std::vector<std::string>& overrides = {})
+      : SceneWorld<Dim>(text, effect_list<Dim>(), overrides) {
     StepSizeOptions options;
     options.cfl = this->scene.time.cfl;
     integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(this->state, this->hooks, options);
