@@ -32,6 +32,9 @@ class StandInStress final : public StressSource<Dim, T> {
 template <class Kernel, class Form, int Dim, class T>
 class TransferBlock {
  public:
+  // The plain twin of APIC with MLS forces is the leaner one.
+  static constexpr bool usual = std::is_same_v<Form, ApicMls>;
+  using Plain = std::conditional_t<usual, ReferenceParticle<Dim>, ModalParticle<Dim>>;
   static constexpr Precision precision =
       std::is_same_v<T, float> ? Precision::single_precision : Precision::double_precision;
   static constexpr Real dt =
@@ -56,9 +59,11 @@ class TransferBlock {
           f.template data<T>(core::velocity_gradient, Dim * a + b)[p] = static_cast<T>(gradient(a, b));
     });
     velocities_to_nodes();
-    particles_ = reference_particles(state_);
-    for (ReferenceParticle<Dim>& p : particles_) p.tau = youngs_modulus * (p.F + p.F.transpose());
-    geometry_ = reference_geometry(state_, particles_);
+    std::vector<ReferenceParticle<Dim>> plain = reference_particles(state_);
+    for (ReferenceParticle<Dim>& p : plain) p.tau = youngs_modulus * (p.F + p.F.transpose());
+    geometry_ = reference_geometry(state_, plain);
+    particles_.resize(plain.size());
+    for (std::size_t p = 0; p < plain.size(); ++p) static_cast<ReferenceParticle<Dim>&>(particles_[p]) = plain[p];
     grid_ = std::make_unique<ReferenceGrid<Dim>>(geometry_);
     for (std::size_t i = 0; i < grid_->momentum.size(); ++i) grid_->momentum[i] = Vec<Dim>::Constant(1.0);
   }
@@ -84,9 +89,19 @@ class TransferBlock {
 
   void reference_to_grid() {
     grid_->clear();
-    reference_particle_to_grid<Kernel, Form>(geometry_, particles_, dt, *grid_);
+    if constexpr (usual) {
+      reference_particle_to_grid<Kernel>(geometry_, particles_, dt, *grid_);
+    } else {
+      reference_form_to_grid<Kernel, Form>(geometry_, particles_, dt, *grid_);
+    }
   }
-  void reference_to_particles() { reference_grid_to_particle<Kernel, Form>(geometry_, *grid_, dt, particles_); }
+  void reference_to_particles() {
+    if constexpr (usual) {
+      reference_grid_to_particle<Kernel>(geometry_, *grid_, dt, particles_);
+    } else {
+      reference_form_to_particle<Kernel, Form>(geometry_, *grid_, dt, particles_);
+    }
+  }
   // The particles, moved like production's, by the number of their cell.
   void reference_drift_and_sort() {
     std::vector<std::pair<std::size_t, std::size_t>> order(particles_.size());
@@ -96,7 +111,7 @@ class TransferBlock {
     }
     reference_direction_ = -reference_direction_;
     std::sort(order.begin(), order.end());
-    std::vector<ReferenceParticle<Dim>> sorted(particles_.size());
+    std::vector<Plain> sorted(particles_.size());
     for (std::size_t p = 0; p < order.size(); ++p) sorted[p] = particles_[order[p].second];
     particles_ = std::move(sorted);
   }
@@ -145,7 +160,7 @@ class TransferBlock {
   Scene<Dim> scene_;
   State<Dim> state_;
   Sink sink_;
-  std::vector<ReferenceParticle<Dim>> particles_;
+  std::vector<Plain> particles_;
   GridGeometry<Dim> geometry_;
   std::unique_ptr<ReferenceGrid<Dim>> grid_;
   Real direction_ = -1, reference_direction_ = -1;

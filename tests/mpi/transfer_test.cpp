@@ -57,7 +57,7 @@ struct Record {
 };
 
 template <int Dim>
-std::map<GlobalIndex, ReferenceParticle<Dim>> gather(test::SceneWorld<Dim>& world) {
+std::map<GlobalIndex, ModalParticle<Dim>> gather(test::SceneWorld<Dim>& world) {
   std::vector<Record<Dim>> mine;
   world.for_particles([&](Body<Dim>& body, Index p) {
     const FieldSet& f = body.particles;
@@ -75,10 +75,10 @@ std::map<GlobalIndex, ReferenceParticle<Dim>> gather(test::SceneWorld<Dim>& worl
     r.volume = f.template data<Real>(core::volume)[p];
     mine.push_back(r);
   });
-  std::map<GlobalIndex, ReferenceParticle<Dim>> all;
+  std::map<GlobalIndex, ModalParticle<Dim>> all;
   for (const Record<Dim>& r : test::gather_all(mine)) {
     using RowMajor = Eigen::Matrix<Real, Dim, Dim, Eigen::RowMajor>;
-    ReferenceParticle<Dim> p;
+    ModalParticle<Dim> p;
     p.x = Eigen::Map<const Vec<Dim>>(r.x);
     p.v = Eigen::Map<const Vec<Dim>>(r.v);
     p.C = Eigen::Map<const RowMajor>(r.C);
@@ -91,21 +91,21 @@ std::map<GlobalIndex, ReferenceParticle<Dim>> gather(test::SceneWorld<Dim>& worl
 }
 
 template <class Kernel, class Form, int Dim>
-void plain_step(const GridGeometry<Dim>& geometry, std::vector<ReferenceParticle<Dim>>& particles,
+void plain_step(const GridGeometry<Dim>& geometry, std::vector<ModalParticle<Dim>>& particles,
                 ReferenceGrid<Dim>& grid) {
   const Real E = youngs_modulus<Kernel>, mu = E / (2 * (1 + poisson_ratio)), lambda = E * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
   for (auto& p : particles)
     p.tau = mu * (p.F * p.F.transpose() - Mat<Dim>::Identity()) +
             lambda * std::log(p.F.determinant()) * Mat<Dim>::Identity();
   grid.clear();
-  reference_particle_to_grid<Kernel, Form>(geometry, particles, dt, grid);
+  reference_form_to_grid<Kernel, Form>(geometry, particles, dt, grid);
   for (std::size_t i = 0; i < grid.mass.size(); ++i) {
     if (grid.mass[i] <= 0) continue;
     grid.momentum[i] += grid.changes[i];  // FLIP's impulse
     grid.momentum[i] /= grid.mass[i];
     grid.changes[i] /= grid.mass[i];
   }
-  reference_grid_to_particle<Kernel, Form>(geometry, grid, dt, particles, flip_blend);
+  reference_form_to_particle<Kernel, Form>(geometry, grid, dt, particles, flip_blend);
 }
 
 template <class Kernel, Scheme scheme, Forces forces, int Dim>
@@ -115,11 +115,11 @@ void check() {
   test::SceneWorld<Dim> world(scene_text<Dim>(names));
   State<Dim>& state = world.state;
   auto start = gather(world);
-  std::vector<ReferenceParticle<Dim>> plain;
+  std::vector<ModalParticle<Dim>> plain;
   for (const auto& entry : start) plain.push_back(entry.second);
   ExplicitIntegrator<Dim> integrator(state, {}, {});
   integrator.initialise(state);
-  ReferenceGrid<Dim> grid(state.geometry());
+  ReferenceGrid<Dim> grid(state.geometry(), true);
   int sorts = 0;
   for (int step = 0; step < steps; ++step) {
     state.dt = dt;

@@ -46,7 +46,7 @@ template <int Dim>
 inline constexpr int product_sets[4] = {3, 5, 6, 7};
 
 template <int Dim, class T>
-void write_particle(Body<Dim>& body, Index p, GlobalIndex id, const ReferenceParticle<Dim>& particle) {
+void write_particle(Body<Dim>& body, Index p, GlobalIndex id, const ModalParticle<Dim>& particle) {
   FieldSet& f = body.particles;
   f.data<GlobalIndex>(core::id)[p] = id;
   for (int a = 0; a < Dim; ++a) {
@@ -67,9 +67,9 @@ void write_particle(Body<Dim>& body, Index p, GlobalIndex id, const ReferencePar
 }
 
 template <int Dim, class T>
-ReferenceParticle<Dim> read_particle(const Body<Dim>& body, Index p) {
+ModalParticle<Dim> read_particle(const Body<Dim>& body, Index p) {
   const FieldSet& f = body.particles;
-  ReferenceParticle<Dim> particle;
+  ModalParticle<Dim> particle;
   for (int a = 0; a < Dim; ++a) {
     particle.x[a] = f.data<Real>(core::position, a)[p];
     particle.v[a] = f.data<T>(core::velocity, a)[p];
@@ -90,12 +90,12 @@ ReferenceParticle<Dim> read_particle(const Body<Dim>& body, Index p) {
 
 // Random particles, some of them exactly on nodes and on cell faces.
 template <int Dim>
-std::vector<ReferenceParticle<Dim>> random_particles(const GridGeometry<Dim>& geometry, int count, unsigned seed) {
+std::vector<ModalParticle<Dim>> random_particles(const GridGeometry<Dim>& geometry, int count, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<Real> unit(0, 1), both(-1, 1);
-  std::vector<ReferenceParticle<Dim>> particles(count);
+  std::vector<ModalParticle<Dim>> particles(count);
   for (int n = 0; n < count; ++n) {
-    ReferenceParticle<Dim>& p = particles[n];
+    ModalParticle<Dim>& p = particles[n];
     for (int a = 0; a < Dim; ++a) {
       p.x[a] = geometry.lower()[a] + unit(random) * (geometry.upper()[a] - geometry.lower()[a]);
       const Real cell = std::floor((p.x[a] - geometry.lower()[a]) / geometry.spacing());
@@ -115,7 +115,7 @@ std::vector<ReferenceParticle<Dim>> random_particles(const GridGeometry<Dim>& ge
 }
 
 template <int Dim, class T>
-Body<Dim> make_body(const std::vector<ReferenceParticle<Dim>>& particles, Precision precision,
+Body<Dim> make_body(const std::vector<ModalParticle<Dim>>& particles, Precision precision,
                     Scheme scheme = Scheme::apic) {
   Body<Dim> body("test", 0, precision, {.velocity_gradient = scheme != Scheme::pic && scheme != Scheme::flip});
   if (scheme == Scheme::polypic)

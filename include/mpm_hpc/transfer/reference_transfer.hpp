@@ -15,10 +15,15 @@ struct ReferenceParticle {
   Vec<Dim> x, v;
   Mat<Dim> C, F, tau;  // velocity gradient, deformation gradient, Kirchhoff stress
   Real mass = 0, volume = 0;
-  // PolyPIC: v of the mode prod_{a in set} (x_i - x_p)_a / h for each set of two or more directions (bit a: direction a).
+};
+
+// For PolyPIC: v of the mode prod_{a in set} (x_i - x_p)_a / h for each set of two or more directions (bit a: direction a).
+// Apart, so that the plain step that benchmarks measure against carries what it needs and no more.
+template <int Dim>
+struct ModalParticle : ReferenceParticle<Dim> {
   Vec<Dim> modes[1 << Dim];
 
-  ReferenceParticle() {
+  ModalParticle() {
     for (Vec<Dim>& mode : modes) mode.setZero();
   }
 };
@@ -29,14 +34,14 @@ struct ReferenceGrid {
   IntVec<Dim> size;
   std::vector<Vec<Dim>> momentum;
   std::vector<Real> mass;
-  std::vector<Vec<Dim>> changes;  // FLIP: the forces' impulse, then the change of the velocity
+  std::vector<Vec<Dim>> changes;  // only with_changes; FLIP: the forces' impulse, then the change of the velocity
 
-  explicit ReferenceGrid(const GridGeometry<Dim>& geometry) : size(block_side * geometry.blocks()) {
+  explicit ReferenceGrid(const GridGeometry<Dim>& geometry, bool with_changes = false) : size(block_side * geometry.blocks()) {
     std::size_t count = 1;
     for (int a = 0; a < Dim; ++a) count *= static_cast<std::size_t>(size[a]);
     momentum.resize(count);
     mass.resize(count);
-    changes.resize(count);
+    if (with_changes) changes.resize(count);
     clear();
   }
   void clear() {
@@ -81,10 +86,24 @@ void for_each_node_with_gradient(const GridGeometry<Dim>& geometry, const Vec<Di
 // Calls f(node, w_ip, x_i - x_p) for each node of the particle's stencil.
 template <class Kernel, int Dim, class F>
 void for_each_node(const GridGeometry<Dim>& geometry, const Vec<Dim>& x, F&& f) {
-  for_each_node_with_gradient<Kernel>(
-      geometry, x, [&f](const IntVec<Dim>& node, Real weight, const Vec<Dim>& distance, const Vec<Dim>&) {
-        f(node, weight, distance);
-      });
+  IntVec<Dim> base;
+  Real w[Dim][Kernel::support];
+  for (int a = 0; a < Dim; ++a) {
+    const Real xi = (x[a] - geometry.origin()[a]) * geometry.inverse_spacing();
+    base[a] = static_cast<std::int32_t>(std::floor(xi - Kernel::shift));
+    Kernel::weights(xi - base[a], w[a]);
+  }
+  int count = 1;
+  for (int a = 0; a < Dim; ++a) count *= Kernel::support;
+  for (int n = 0; n < count; ++n) {
+    IntVec<Dim> node = base;
+    Real weight = 1;
+    for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= Kernel::support) {
+      node[a] += rest % Kernel::support;
+      weight *= w[a][rest % Kernel::support];
+    }
+    f(node, weight, Vec<Dim>(geometry.node_position(node) - x));
+  }
 }
 
 namespace reference {
@@ -108,11 +127,45 @@ inline int directions(int set) { return __builtin_popcount(static_cast<unsigned>
 
 }  // namespace reference
 
-template <class Kernel, class Form = ApicMls, int Dim>
+// APIC and MLS forces: what the benchmarks measure against.
+template <class Kernel, int Dim>
 void reference_particle_to_grid(const GridGeometry<Dim>& geometry, const std::vector<ReferenceParticle<Dim>>& particles,
                                 Real dt, ReferenceGrid<Dim>& grid) {
-  const Real inverse_inertia = reference::inverse_inertia<Kernel>(geometry);
+  const Real inverse_inertia = Kernel::inverse_inertia * geometry.inverse_spacing() * geometry.inverse_spacing();
   for (const ReferenceParticle<Dim>& p : particles) {
+    const Mat<Dim> A = p.mass * p.C - dt * inverse_inertia * p.volume * p.tau;
+    for_each_node<Kernel>(geometry, p.x, [&](const IntVec<Dim>& node, Real weight, const Vec<Dim>& distance) {
+      const std::size_t i = grid.index(node);
+      grid.mass[i] += weight * p.mass;
+      grid.momentum[i] += weight * (p.mass * p.v + A * distance);
+    });
+  }
+}
+
+// grid.momentum holds velocities here.
+template <class Kernel, int Dim>
+void reference_grid_to_particle(const GridGeometry<Dim>& geometry, const ReferenceGrid<Dim>& grid, Real dt,
+                                std::vector<ReferenceParticle<Dim>>& particles) {
+  const Real inverse_inertia = Kernel::inverse_inertia * geometry.inverse_spacing() * geometry.inverse_spacing();
+  for (ReferenceParticle<Dim>& p : particles) {
+    p.v.setZero();
+    p.C.setZero();
+    for_each_node<Kernel>(geometry, p.x, [&](const IntVec<Dim>& node, Real weight, const Vec<Dim>& distance) {
+      const Vec<Dim>& v = grid.momentum[grid.index(node)];
+      p.v += weight * v;
+      p.C += weight * inverse_inertia * v * distance.transpose();
+    });
+    p.F += dt * p.C * p.F;
+    p.x += dt * p.v;
+  }
+}
+
+// Any form.
+template <class Kernel, class Form, int Dim>
+void reference_form_to_grid(const GridGeometry<Dim>& geometry, const std::vector<ModalParticle<Dim>>& particles,
+                            Real dt, ReferenceGrid<Dim>& grid) {
+  const Real inverse_inertia = reference::inverse_inertia<Kernel>(geometry);
+  for (const ModalParticle<Dim>& p : particles) {
     Mat<Dim> C = Mat<Dim>::Zero();
     if (Form::affine) C = p.C;
     if (Form::scheme == Scheme::rpic) C = 0.5 * (p.C - p.C.transpose());
@@ -135,11 +188,11 @@ void reference_particle_to_grid(const GridGeometry<Dim>& geometry, const std::ve
 }
 
 // grid.momentum holds velocities here, and grid.changes their changes.
-template <class Kernel, class Form = ApicMls, int Dim>
-void reference_grid_to_particle(const GridGeometry<Dim>& geometry, const ReferenceGrid<Dim>& grid, Real dt,
-                                std::vector<ReferenceParticle<Dim>>& particles, Real flip_blend = 0) {
+template <class Kernel, class Form, int Dim>
+void reference_form_to_particle(const GridGeometry<Dim>& geometry, const ReferenceGrid<Dim>& grid, Real dt,
+                                std::vector<ModalParticle<Dim>>& particles, Real flip_blend = 0) {
   const Real inverse_inertia = reference::inverse_inertia<Kernel>(geometry);
-  for (ReferenceParticle<Dim>& p : particles) {
+  for (ModalParticle<Dim>& p : particles) {
     Vec<Dim> v = Vec<Dim>::Zero(), change = v;
     Mat<Dim> least_squares = Mat<Dim>::Zero(), classical = least_squares;
     for (Vec<Dim>& mode : p.modes) mode.setZero();
@@ -148,7 +201,7 @@ void reference_grid_to_particle(const GridGeometry<Dim>& geometry, const Referen
         [&](const IntVec<Dim>& node, Real weight, const Vec<Dim>& distance, const Vec<Dim>& gradient) {
           const Vec<Dim>& at_node = grid.momentum[grid.index(node)];
           v += weight * at_node;
-          change += weight * grid.changes[grid.index(node)];
+          if (Form::increments) change += weight * grid.changes[grid.index(node)];
           least_squares += weight * inverse_inertia * at_node * distance.transpose();
           classical += at_node * gradient.transpose();
           for (int set = 0; Form::modes && set < 1 << Dim; ++set) {

@@ -24,7 +24,7 @@ struct NoSink final : UpdateSink<Dim, double> {
 template <int Dim>
 class Cloud {
  public:
-  Cloud(const TransferOptions& options, std::vector<ReferenceParticle<Dim>> particles)
+  Cloud(const TransferOptions& options, std::vector<ModalParticle<Dim>> particles)
       : options_(options),
         kernels_(transfer_kernels<Dim, double>(options)),
         body_(make_body<Dim, double>(particles, Precision::double_precision, options.scheme)),
@@ -60,8 +60,8 @@ class Cloud {
         if (all || node[Dim] > 0) f(geometry.node_position(topology_.first_node(s) + node_in_block<Dim>(n)), node);
       }
   }
-  std::vector<ReferenceParticle<Dim>> particles() const {
-    std::vector<ReferenceParticle<Dim>> all;
+  std::vector<ModalParticle<Dim>> particles() const {
+    std::vector<ModalParticle<Dim>> all;
     for (Index p = 0; p < body_.particles.size(); ++p)
       if (!body_.is_padding(p)) all.push_back(read_particle<Dim, double>(body_, p));
     return all;
@@ -124,7 +124,7 @@ std::string name_of(const TransferOptions& o) {
 
 // Particles in a rotation with some strain, on nodes, faces and between.
 template <int Dim>
-std::vector<ReferenceParticle<Dim>> moving(const Vec<Dim>& v, const Mat<Dim>& A, int count) {
+std::vector<ModalParticle<Dim>> moving(const Vec<Dim>& v, const Mat<Dim>& A, int count) {
   auto particles = random_particles(Cloud<Dim>::unit_box(), count, 11);
   for (auto& p : particles) {
     p.tau.setZero();

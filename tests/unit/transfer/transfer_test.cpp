@@ -12,8 +12,8 @@ namespace {
 template <int Dim, class T>
 struct GivenStress : StressSource<Dim, T> {
   const Body<Dim>& body;
-  const std::vector<ReferenceParticle<Dim>>& particles;
-  GivenStress(const Body<Dim>& b, const std::vector<ReferenceParticle<Dim>>& p) : body(b), particles(p) {}
+  const std::vector<ModalParticle<Dim>>& particles;
+  GivenStress(const Body<Dim>& b, const std::vector<ModalParticle<Dim>>& p) : body(b), particles(p) {}
   void kirchhoff_stress(Index begin, Index end, T* const* tau) const override {
     const GlobalIndex* id = body.particles.template data<GlobalIndex>(core::id);
     for (Index p = begin; p < end; ++p)
@@ -61,7 +61,7 @@ class Transfer : public testing::Test {
   static constexpr Real tolerance = std::is_same_v<T, float> ? 3e-5 : 1e-13;
 
   GridGeometry<Dim> geometry{Vec<Dim>::Constant(-0.3), Vec<Dim>::Constant(0.9), 0.1};
-  std::vector<ReferenceParticle<Dim>> particles = random_particles(geometry, 700, 7);
+  std::vector<ModalParticle<Dim>> particles = random_particles(geometry, 700, 7);
 };
 
 // Every transfer that exists, with all dimensions and precisions.
@@ -122,8 +122,8 @@ TYPED_TEST_P(Transfer, EqualsTheReferenceAfterADriftOfAlmostOneCell) {
   const GivenStress<Dim, T> stress(body, particles);
   particle_to_grid<Kernel, Form>(grid, body, all_ranges(body), stress, dt);
 
-  ReferenceGrid<Dim> reference(geometry);
-  reference_particle_to_grid<Kernel, Form>(geometry, particles, dt, reference);
+  ReferenceGrid<Dim> reference(geometry, true);
+  reference_form_to_grid<Kernel, Form>(geometry, particles, dt, reference);
   Real largest = 0;
   for (const auto& m : reference.momentum) largest = std::max(largest, m.template lpNorm<Eigen::Infinity>());
   std::size_t seen = 0;
@@ -155,7 +155,7 @@ TYPED_TEST_P(Transfer, EqualsTheReferenceAfterADriftOfAlmostOneCell) {
   Recorder<Dim, T> sink(body, dt);
   grid_to_particle<Kernel, Form>(grid, body, all_ranges(body), dt, sink);
   const auto before = particles;
-  reference_grid_to_particle<Kernel, Form>(geometry, reference, dt, particles, blend);
+  reference_form_to_particle<Kernel, Form>(geometry, reference, dt, particles, blend);
   Real speed = 0, component = 0, gradient = 0, acceleration = 0;
   for (Index p = 0; p < body.particles.size(); ++p) {
     if (id[p] < 0) continue;
@@ -190,7 +190,7 @@ TYPED_TEST_P(Transfer, RefusesAParticleThatDriftedTooFar) {
   using Form = typename TypeParam::Form;
   // In the middle of the places whose stencil starts at a block's first node: 1.5 cells from the tile's lower end and, with
   // the block's three other nodes and one to drift, 4.5 from its upper.
-  ReferenceParticle<Dim> particle = this->particles[0];
+  ModalParticle<Dim> particle = this->particles[0];
   particle.x = this->geometry.node_position(IntVec<Dim>::Constant(12)) +
                Vec<Dim>::Constant((Kernel::shift + 0.5) * this->geometry.spacing());
   Body<Dim> body = make_body<Dim, T>({particle}, this->precision, Form::scheme);
