@@ -30,7 +30,8 @@ struct Columns {
       for (int c = 0; c < product_modes<Dim> * Dim; ++c) modes[c] = fields.template data<T>(body.velocity_modes, c);
   }
 
-  void prefetch(Index p) const {
+  // Inlined, because GCC drops calls of a function that does nothing but prefetch.
+  [[gnu::always_inline]] void prefetch(Index p) const {
     for (int a = 0; a < Dim; ++a) {
       prefetch_next_chunk(x[a], p);
       if (pack_width<T> > 8) prefetch_next_chunk(x[a] + 8, p);

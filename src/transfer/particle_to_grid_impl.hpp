@@ -32,8 +32,9 @@ struct Columns {
     volume = fields.template data<T>(core::volume);
   }
 
+  // Inlined, because GCC drops calls of a function that does nothing but prefetch.
   template <class Form>
-  void prefetch(Index p, Form) const {
+  [[gnu::always_inline]] void prefetch(Index p, Form) const {
     for (int a = 0; a < Dim; ++a) {
       prefetch_next_chunk(x[a], p);
       if (pack_width<T> > 8) prefetch_next_chunk(x[a] + 8, p);
