@@ -117,7 +117,7 @@ std::vector<ModalParticle<Dim>> random_particles(const GridGeometry<Dim>& geomet
 template <int Dim, class T>
 Body<Dim> make_body(const std::vector<ModalParticle<Dim>>& particles, Precision precision,
                     Scheme scheme = Scheme::apic) {
-  Body<Dim> body("test", 0, precision, {.velocity_gradient = scheme != Scheme::pic && scheme != Scheme::flip});
+  Body<Dim> body("test", 0, precision, {.velocity_gradient = is_affine(scheme)});
   if (scheme == Scheme::polypic)
     body.velocity_modes = body.particles.add({.name = "velocity_modes",
                                               .units = "m/s",

@@ -10,7 +10,7 @@
 
 namespace mpm {
 
-// The particle keeps of the grid's velocity around it (physics.md section 1)
+// What a particle keeps of the grid's velocity around it (physics.md section 1).
 enum class Scheme {
   pic,     // its mean: v_p = sum_i w_ip v_i
   rpic,    // and the skew part of its gradient (Jiang et al. 2015)
@@ -18,6 +18,13 @@ enum class Scheme {
   apic,    // its mean and gradient (Jiang et al. 2015)
   polypic  // and the products of the directions: the 2^Dim multilinear modes (Fu et al. 2017)
 };
+
+// Whether particles carry a velocity gradient from step to step.
+constexpr bool is_affine(Scheme scheme) {
+  return scheme == Scheme::apic || scheme == Scheme::rpic || scheme == Scheme::polypic;
+}
+// Whether the grid keeps the change of its velocities.
+constexpr bool has_increments(Scheme scheme) { return scheme == Scheme::flip; }
 
 enum class Forces {
   mls,       // f_i = -sum_p V0_p tau_p D_p^-1 w_ip (x_i - x_p), grad v_p = D_p^-1 sum_i w_ip v_i (x_i - x_p)^T
@@ -38,10 +45,8 @@ struct TransferOptions {
   const std::string& kernel_name() const { return kernel_names[static_cast<int>(kernel)]; }
   const std::string& scheme_name() const { return scheme_names[static_cast<int>(scheme)]; }
   const std::string& forces_name() const { return forces_names[static_cast<int>(forces)]; }
-  // Whether particles carry a velocity gradient from step to step.
-  bool affine() const { return scheme == Scheme::apic || scheme == Scheme::rpic || scheme == Scheme::polypic; }
-  // Whether the grid keeps the change of its velocities.
-  bool increments() const { return scheme == Scheme::flip; }
+  bool affine() const { return is_affine(scheme); }
+  bool increments() const { return has_increments(scheme); }
 };
 
 // Why this combination makes no sense and what does; empty if it is defined.
@@ -52,8 +57,8 @@ template <Scheme scheme_, Forces forces_>
 struct TransferForm {
   static constexpr Scheme scheme = scheme_;
   static constexpr Forces forces = forces_;
-  static constexpr bool affine = scheme == Scheme::apic || scheme == Scheme::rpic || scheme == Scheme::polypic;
-  static constexpr bool increments = scheme == Scheme::flip;
+  static constexpr bool affine = is_affine(scheme);
+  static constexpr bool increments = has_increments(scheme);
   static constexpr bool modes = scheme == Scheme::polypic;
   static constexpr bool mls = forces == Forces::mls, classical = forces == Forces::classical;
 };
