@@ -87,17 +87,18 @@ struct FixedCorotated {
            (per_volume * (J - one)) * multiply(multiply(C, transpose(dF)), C);
   }
 
-  // d Psi / d s_a and d^2 Psi / d s_a d s_b in the principal stretches s.
-  Vec<Dim> principal_first_piola(const Vec<Dim>& s) const {
-    const Real J = s.prod();
-    return 2 * mu * (s - Vec<Dim>::Ones()) + lambda * (J - 1) * J * s.cwiseInverse();
-  }
-  Mat<Dim> principal_hessian(const Vec<Dim>& s) const {
-    const Real J = s.prod();
-    const Vec<Dim> inverse = s.cwiseInverse();
-    Mat<Dim> hessian = lambda * (2 * J - 1) * J * inverse * inverse.transpose();
-    hessian.diagonal().array() += 2 * mu - lambda * (J - 1) * J * inverse.array().square();
-    return hessian;
+  // A_ab = d tau_a / d ln s_b in the principal stretches s.
+  template <class S>
+  SymTensor<S, Dim> principal_moduli(const S (&s)[Dim]) const {
+    const S one = broadcast<S>(1.0);
+    S J = s[0];
+    for (int a = 1; a < Dim; ++a) J *= s[a];
+    const S volumetric = broadcast<S>(lambda) * J * (J + J - one);
+    SymTensor<S, Dim> A;
+    for (int a = 0; a < Dim; ++a)
+      for (int b = a; b < Dim; ++b)
+        A(a, b) = a == b ? S(broadcast<S>(2 * mu) * s[a] * (s[a] + s[a] - one) + volumetric) : volumetric;
+    return A;
   }
 
  private:

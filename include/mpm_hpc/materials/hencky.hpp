@@ -110,20 +110,16 @@ struct Hencky {
            times(kirchhoff_stress(F), multiply(multiply(inverse, transpose(dF)), inverse));
   }
 
-  // d Psi / d s_a and d^2 Psi / d s_a d s_b in the principal stretches s.
-  Vec<Dim> principal_first_piola(const Vec<Dim>& s) const { return principal_kirchhoff(s).cwiseQuotient(s); }
-  Mat<Dim> principal_hessian(const Vec<Dim>& s) const {
-    Mat<Dim> hessian = Mat<Dim>::Constant(lambda);
-    hessian.diagonal() += Vec<Dim>::Constant(2 * mu) - principal_kirchhoff(s);
-    return s.cwiseInverse().asDiagonal() * hessian * s.cwiseInverse().asDiagonal();
+  // A_ab = d tau_a / d ln s_b in the principal stretches.
+  template <class S>
+  SymTensor<S, Dim> principal_moduli(const S (&)[Dim]) const {
+    SymTensor<S, Dim> A;
+    for (int a = 0; a < Dim; ++a)
+      for (int b = a; b < Dim; ++b) A(a, b) = broadcast<S>(a == b ? 2 * mu + lambda : lambda);
+    return A;
   }
 
  private:
-  Vec<Dim> principal_kirchhoff(const Vec<Dim>& s) const {
-    const Vec<Dim> e = s.array().log();
-    return 2 * mu * e + Vec<Dim>::Constant(lambda * e.sum());
-  }
-
   template <class S>
   static Tensor<S, Dim> inverse_transposed(const Tensor<S, Dim>& F) {
     return S(broadcast<S>(1.0) / determinant(F)) * cofactor(F);

@@ -70,16 +70,21 @@ struct NeoHookean {
            (broadcast<S>(lambda) * inner(inverse_transpose, dF)) * inverse_transpose;
   }
 
-  // d Psi / d s_a and d^2 Psi / d s_a d s_b in the principal stretches s.
-  Vec<Dim> principal_first_piola(const Vec<Dim>& s) const {
-    const Vec<Dim> inverse = s.cwiseInverse();
-    return mu * s + (lambda * std::log(s.prod()) - mu) * inverse;
+  // tau_a and A_ab = d tau_a / d ln s_b in the principal stretches s.
+  template <class S>
+  void principal_stress(const S (&s)[Dim], S (&tau)[Dim]) const {
+    S J = s[0];
+    for (int a = 1; a < Dim; ++a) J *= s[a];
+    const S spherical = broadcast<S>(lambda) * log_of<S>(J) - broadcast<S>(mu);
+    for (int a = 0; a < Dim; ++a) tau[a] = broadcast<S>(mu) * s[a] * s[a] + spherical;
   }
-  Mat<Dim> principal_hessian(const Vec<Dim>& s) const {
-    const Vec<Dim> inverse = s.cwiseInverse();
-    Mat<Dim> hessian = lambda * inverse * inverse.transpose();
-    hessian.diagonal().array() += mu + (mu - lambda * std::log(s.prod())) * inverse.array().square();
-    return hessian;
+  template <class S>
+  SymTensor<S, Dim> principal_moduli(const S (&s)[Dim]) const {
+    SymTensor<S, Dim> A;
+    for (int a = 0; a < Dim; ++a)
+      for (int b = a; b < Dim; ++b)
+        A(a, b) = a == b ? S(broadcast<S>(2 * mu) * s[a] * s[a] + broadcast<S>(lambda)) : broadcast<S>(lambda);
+    return A;
   }
 };
 

@@ -149,15 +149,25 @@ struct SplitNeoHookean {
            along_D * deviatoric_direction(F, inverse_transpose);
   }
 
-  // d Psi / d s_a and d^2 Psi / d s_a d s_b in the principal stretches s, from tau_a and A_ab.
-  Vec<Dim> principal_first_piola(const Vec<Dim>& s) const { return principal_kirchhoff(s).cwiseQuotient(s); }
-  Mat<Dim> principal_hessian(const Vec<Dim>& s) const {
-    const Real J = s.prod();
-    const Mat<Dim> ones = Mat<Dim>::Ones(), projector = Mat<Dim>::Identity() - ones / Dim;
-    Mat<Dim> hessian = 2 * mu * isochoric_factor(J) * projector * s.cwiseAbs2().asDiagonal() * projector +
-                       kappa * J * J * ones;
-    hessian.diagonal() -= principal_kirchhoff(s);
-    return s.cwiseInverse().asDiagonal() * hessian * s.cwiseInverse().asDiagonal();
+  // A_ab = d tau_a / d ln s_b in the principal stretches s: 2 mu J^(-2/d) Q diag(s^2) Q + kappa J^2 1 1^T with the projector
+  // Q = I - 1 1^T / d, the first term times g, the second as well where J >= 1.
+  template <class S>
+  SymTensor<S, Dim> principal_moduli_degraded(const S (&s)[Dim], const S& g) const {
+    const S J = product(s), shear = g * broadcast<S>(2 * mu) * isochoric_factor(J),
+            volumetric = volumetric_weight(J, g) * broadcast<S>(kappa) * J * J;
+    const S mean = broadcast<S>(1.0 / (Dim * Dim)) * sum_of_squares(s);
+    SymTensor<S, Dim> A;
+    for (int a = 0; a < Dim; ++a)
+      for (int b = a; b < Dim; ++b) {
+        S shape = mean - broadcast<S>(1.0 / Dim) * (s[a] * s[a] + s[b] * s[b]);
+        if (a == b) shape += s[a] * s[a];
+        A(a, b) = shear * shape + volumetric;
+      }
+    return A;
+  }
+  template <class S>
+  SymTensor<S, Dim> principal_moduli(const S (&s)[Dim]) const {
+    return principal_moduli_degraded(s, broadcast<S>(1.0));
   }
 
  private:
@@ -238,13 +248,6 @@ struct SplitNeoHookean {
   static Tensor<S, Dim> deviatoric_direction(const Tensor<S, Dim>& F,
                                              const Tensor<S, Dim>& inverse_transpose) {
     return F - (broadcast<S>(1.0 / Dim) * inner(F, F)) * inverse_transpose;
-  }
-
-  Vec<Dim> principal_kirchhoff(const Vec<Dim>& s) const {
-    const Real J = s.prod();
-    const Vec<Dim> squares = s.cwiseAbs2();
-    const Vec<Dim> dev = squares - Vec<Dim>::Constant(squares.mean());
-    return mu * isochoric_factor(J) * dev + Vec<Dim>::Constant(volumetric_stress(J));
   }
 };
 
