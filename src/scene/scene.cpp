@@ -138,6 +138,9 @@ void read_transfer(Parameters& p, TransferOptions& options) {
   });
 }
 
+// Of quasi-static steps, where nothing else holds light nodes; inertia does in the others.
+constexpr Real default_stabilisation = 0.01;
+
 void read_time(Parameters& p, TimeOptions& time) {
   p.section("time", SectionOptions("Time integration.", true), [&](Parameters& q) {
     const RealOptions positive{.unit = "s", .min = 0, .min_exclusive = true};
@@ -147,7 +150,11 @@ void read_time(Parameters& p, TimeOptions& time) {
       return o;
     };
     q.real("end", time.end, {.unit = "s", .min = 0, .min_exclusive = true, .required = true, .doc = "Time at which the run ends."});
-    q.choice("integrator", time.integrator, {"explicit"}, "Time integrator.");
+    q.choice("integrator", time.integrator, {"explicit", "implicit", "quasi_static"},
+             "Symplectic Euler; backward Euler on the grid's velocities, with steps as long as the motion allows; or static "
+             "equilibrium after each load step, where time only orders the loads.");
+    time.implicit.inertia = time.integrator != "quasi_static";
+    time.implicit.stabilisation = time.implicit.inertia ? 0 : default_stabilisation;
     std::string update = "first_order";
     q.choice("deformation_update", update, {"first_order", "second_order", "exponential"},
              "How a step deforms the particles: F <- (I + A) F, (I + A + A^2/2) F or exp(A) F with A = dt grad v; the last keeps "
@@ -161,7 +168,38 @@ void read_time(Parameters& p, TimeOptions& time) {
     time.dt_where = q.where("dt");
     q.optional_real("dt", time.dt, with_doc("Fixed step, used as long as it is stable; default: adaptive."));
     q.optional_real("max_dt", time.max_dt, with_doc("Upper bound of the adaptive step."));
+    if (!q.describing() && time.is_implicit() && !time.dt && !time.max_dt)
+      q.error_at("integrator", fmt::format("{} steps have no bound of stability; give time.max_dt, such as a tenth of the time "
+                                           "in which the load changes, or a fixed time.dt",
+                                           time.integrator));
     q.optional_integer("max_steps", time.max_steps, {.min = 0, .doc = "Number of steps after which the run ends."});
+  });
+}
+
+void read_newton(Parameters& p, TimeOptions& time) {
+  p.section("newton", SectionOptions("Newton's method of implicit and quasi-static steps."), [&](Parameters& q) {
+    NewtonOptions& newton = time.implicit.newton;
+    q.real("tolerance", newton.tolerance,
+           {.min = 1e-12, .max = 1e-1, .doc = "Residual over the largest of the forces that balance in it."});
+    q.integer("max_iterations", newton.max_iterations, {.min = 1, .doc = "Iterations after which a step is halved."});
+    q.integer("max_krylov", newton.max_krylov, {.min = 1, .doc = "PCG iterations for one Newton direction."});
+    std::string form = "assembled";
+    q.choice("operator", form, {"assembled", "matrix_free"},
+             "The tangent as a PETSc matrix, or applied by sweeps over the particles: less memory, more time.");
+    q.real("stabilisation", time.implicit.stabilisation,
+           {.min = 0, .doc = "Holds nodes with next to no weight to their neighbours, against a step's displacements only and as "
+                             "a share of the material's stiffness; default 0.01 for quasi_static, 0 for implicit."});
+    std::string projection = "auto";
+    q.choice("projection", projection, {"auto", "always", "never"},
+             "When the tangent is made semi-definite, which gives directions of descent but slower convergence: auto, until "
+             "the residual is small.");
+    newton.projection = projection == "always"  ? Projection::always
+                        : projection == "never" ? Projection::never
+                                                : Projection::automatic;
+    time.implicit.matrix_free = form == "matrix_free";
+    if (p.has("newton") && !time.is_implicit())
+      p.error_at("newton", "explicit steps solve no equations; choose time.integrator = \"implicit\" or \"quasi_static\", or "
+                     "drop [newton].");
   });
 }
 
@@ -286,6 +324,7 @@ Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effect
   read_domain(p, scene);
   read_transfer(p, scene.transfer);
   read_time(p, scene.time);
+  read_newton(p, scene.time);
   read_output(p, scene.output);
   read_parallel(p, scene.distribution);
   read_materials(p, scene);

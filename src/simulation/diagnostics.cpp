@@ -61,7 +61,7 @@ struct Sums {
             const int a = (c + 1) % 3, b = (c + 2) % 3;
             angular[c].add(m * (x[a] * v[b] - x[b] * v[a] + C(b, a) * D[a] - C(a, b) * D[b]));
           }
-          kinetic.add(0.5 * m * v.squaredNorm());
+          if (state.inertia) kinetic.add(0.5 * m * v.squaredNorm());
           elastic.add(static_cast<Real>(f.template data<T>(core::volume)[p]) * energy[p - begin]);
         }
       }
@@ -142,6 +142,12 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
   put("max_speed", "m/s", state.limits.kinematic.speed);
   for (const HistoryValue& v : of_effects)
     if (!v.name.ends_with("_energy")) row.push_back(v);
+  // Since the last row; of several solvers, the phase field's iterations are the effect's.
+  for (const auto& [solver, column] : {std::pair{"newton", "newton_iterations"}, {"newton_krylov", "newton_krylov_iterations"}})
+    if (const auto it = state.solvers.find(solver); it != state.solvers.end()) {
+      put(column, "1", static_cast<Real>(it->second.iterations - it->second.told));
+      it->second.told = it->second.iterations;
+    }
   put("imbalance", "1", state.distribution.imbalance());
   return row;
 }

@@ -36,6 +36,8 @@ MemoryAccount memory_account(const State<Dim>& state, const std::vector<std::uni
   account.emplace_back("halo/messages", distribution.halo().buffer_bytes() + distribution.row_halo().buffer_bytes());
   for (const auto& effect : effects)
     for (const auto& item : effect->memory()) account.push_back(item);
+  for (const auto& of : state.accounts)
+    for (const auto& item : of()) account.push_back(item);
   return account;
 }
 

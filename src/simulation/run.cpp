@@ -10,7 +10,6 @@
 #include "mpm_hpc/simulation/stop_signal.hpp"
 #include "mpm_hpc/solvers/linear_solver.hpp"
 #include "mpm_hpc/solvers/petsc_session.hpp"
-#include "mpm_hpc/time/explicit_integrator.hpp"
 
 namespace mpm {
 
@@ -39,11 +38,7 @@ template <int Dim>
 Run<Dim>::Run(const Communicator& communicator, Scene<Dim> scene, const RunOptions& options)
     : communicator_(communicator), scene_(std::move(scene)), options_(options) {
   declare_state(communicator_, scene_, state_);
-  StepHooks<Dim> hooks;
-  for (auto& effect : scene_.effects) effect->join(hooks);
-  StepSizeOptions step_size;
-  step_size.cfl = scene_.time.cfl;
-  integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(state_, std::move(hooks), step_size);
+  integrator_ = make_integrator(scene_, state_, join_effects(scene_));
   refuse_unused_options(false);
   end_ = options_.until.value_or(scene_.time.end);
   const OutputOptions& output = scene_.output;
@@ -121,6 +116,7 @@ std::map<std::string, std::vector<Real>> Run<Dim>::state_numbers() {
   const StepLimits& l = state_.limits;
   numbers["limits"] = {l.kinematic.speed, l.kinematic.speed_component, l.kinematic.gradient, l.kinematic.acceleration,
                        l.signal_speed,    l.stiffness_speed,           l.min_jacobian,      l.viscosity};
+  if (std::isfinite(state_.step_limit)) numbers["step_limit"] = {state_.step_limit};
   state_.ledger.consolidate(communicator_);
   for (const auto& [name, value] : state_.ledger.entries()) numbers["ledger:" + name] = {communicator_.sum(value)};
   state_.guards["particles_removed_outside_domain"] += state_.distribution.take_removed();
@@ -144,6 +140,8 @@ void Run<Dim>::restore_numbers(const std::map<std::string, std::vector<Real>>& n
     l.min_jacobian = v[6];
     l.viscosity = v[7];
   }
+  if (const auto it = numbers.find("step_limit"); it != numbers.end() && it->second.size() == 1)
+    state_.step_limit = it->second[0];
   for (const auto& [name, values] : numbers) {
     if (name.starts_with("ledger:")) state_.ledger[name.substr(7)] = communicator_.root() ? values[0] : 0;
     if (name.starts_with("guard:"))

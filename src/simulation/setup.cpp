@@ -16,6 +16,8 @@
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/scene/point_cloud.hpp"
 #include "mpm_hpc/simulation/cloud_volume.hpp"
+#include "mpm_hpc/time/explicit_integrator.hpp"
+#include "mpm_hpc/time/implicit_integrator.hpp"
 
 namespace mpm {
 
@@ -62,6 +64,33 @@ void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Di
                                       .sums_ghosts = true,
                                       .fills_ghosts = true});
   for (auto& effect : scene.effects) effect->declare_fields(state);
+}
+
+template <int Dim>
+StepHooks<Dim> join_effects(const Scene<Dim>& scene) {
+  StepHooks<Dim> hooks;
+  hooks.implicit = scene.time.is_implicit();
+  for (const auto& effect : scene.effects) effect->join(hooks);
+  return hooks;
+}
+
+template <int Dim>
+std::unique_ptr<Integrator<Dim>> make_integrator(const Scene<Dim>& scene, State<Dim>& state, StepHooks<Dim> hooks) {
+  const TimeOptions& time = scene.time;
+  if (!time.is_implicit()) {
+    StepSizeOptions options;
+    options.cfl = time.cfl;
+    return std::make_unique<ExplicitIntegrator<Dim>>(state, std::move(hooks), options);
+  }
+  for (const Body<Dim>& body : state.bodies)
+    require_ability(*state.materials[static_cast<std::size_t>(body.material)], MaterialAbility::tangent,
+                    fmt::format("time.integrator = \"{}\"", time.integrator));
+  typename ImplicitIntegrator<Dim>::Options options;
+  options.system = time.implicit;
+  options.cfl = time.cfl;
+  if (time.max_dt) options.first_step = options.largest_step = *time.max_dt;
+  if (time.dt) options.first_step = options.largest_step = *time.dt;
+  return std::make_unique<ImplicitIntegrator<Dim>>(state, std::move(hooks), options);
 }
 
 namespace {
@@ -319,6 +348,10 @@ void create_particles(Scene<Dim>& scene, State<Dim>& state) {
 
 template void declare_state<2>(const Communicator&, Scene<2>&, State<2>&);
 template void declare_state<3>(const Communicator&, Scene<3>&, State<3>&);
+template StepHooks<2> join_effects(const Scene<2>&);
+template StepHooks<3> join_effects(const Scene<3>&);
+template std::unique_ptr<Integrator<2>> make_integrator(const Scene<2>&, State<2>&, StepHooks<2>);
+template std::unique_ptr<Integrator<3>> make_integrator(const Scene<3>&, State<3>&, StepHooks<3>);
 template void create_particles<2>(Scene<2>&, State<2>&);
 template void create_particles<3>(Scene<3>&, State<3>&);
 

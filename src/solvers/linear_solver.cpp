@@ -104,8 +104,10 @@ LinearSolver::LinearSolver(const Communicator& communicator, const std::string& 
   petsc_check(KSPSetInitialGuessNonzero(ksp, PETSC_TRUE), "KSPSetInitialGuessNonzero");
   require(KSPSetFromOptions(ksp) == 0, "PETSc refuses one of the options{}; correct its value or leave it out",
           options_with_prefix(prefix));
-  prefixes().push_back(prefix);
+  add_prefix(prefix);
 }
+
+void LinearSolver::add_prefix(const std::string& prefix) { prefixes().push_back(prefix); }
 
 bool LinearSolver::knows_prefix(const std::string& option) {
   return std::any_of(prefixes().begin(), prefixes().end(),

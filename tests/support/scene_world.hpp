@@ -18,7 +18,8 @@ class SceneWorld {
     read_dimension(parameters);
     scene = read_scene<Dim>(parameters, effects);
     declare_state(Communicator::world(), scene, state);
-    for (auto& effect : scene.effects) effect->join(hooks);
+    hooks = join_effects(scene);
+    integrator = make_integrator(scene, state, hooks);
     create_particles(scene, state);
   }
   SceneWorld(const SceneWorld&) = delete;
@@ -66,6 +67,7 @@ class SceneWorld {
   Scene<Dim> scene;
   State<Dim> state;
   StepHooks<Dim> hooks;
+  std::unique_ptr<Integrator<Dim>> integrator;
 
  private:
   void run_ranges(const std::vector<typename StepHooks<Dim>::RangeHook>& stage) {

@@ -5,7 +5,6 @@
 #include <sstream>
 
 #include "mpm_hpc/simulation/diagnostics.hpp"
-#include "mpm_hpc/time/explicit_integrator.hpp"
 #include "support/scene_world.hpp"
 
 namespace mpm::test {
@@ -22,11 +21,7 @@ template <int Dim>
 class Stepper : public SceneWorld<Dim> {
  public:
   explicit Stepper(const std::string& text, const std::vector<std::string>& overrides = {})
-      : SceneWorld<Dim>(text, effect_list<Dim>(), overrides) {
-    StepSizeOptions options;
-    options.cfl = this->scene.time.cfl;
-    integrator_ = std::make_unique<ExplicitIntegrator<Dim>>(this->state, this->hooks, options);
-  }
+      : SceneWorld<Dim>(text, effect_list<Dim>(), overrides) {}
 
   // One column of a history row.
   Real value(const std::string& name) {
@@ -39,17 +34,14 @@ class Stepper : public SceneWorld<Dim> {
   template <class F>
   void advance(Real end, F&& f) {
     State<Dim>& state = this->state;
-    if (state.step == 0) integrator_->initialise(state);
+    if (state.step == 0) this->integrator->initialise(state);
     while (state.time < end * (1 - 1e-12)) {
-      const Real stable = integrator_->stable_step(state), left = end - state.time;
+      const Real stable = this->integrator->stable_step(state), left = end - state.time;
       state.dt = left < stable ? left : left < 2 * stable ? left / 2 : stable;
-      integrator_->step(state);
+      this->integrator->step(state);
       f();
     }
   }
-
- private:
-  std::unique_ptr<ExplicitIntegrator<Dim>> integrator_;
 };
 
 }  // namespace mpm::test

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mpm_hpc/base/memory.hpp"
+#include "mpm_hpc/effects/boundary/constraints.hpp"
 #include "mpm_hpc/effects/state.hpp"
 
 namespace mpm {
@@ -27,6 +28,12 @@ struct StepHooks {
   std::vector<Hook> on_grid;  // owned nodes hold velocities and mass
   std::vector<RangeHook> on_g2p;
   std::vector<Hook> after_g2p;
+
+  // An integrator that solves for the grid's velocities can't have them changed at once: set before the effects join, it asks
+  // those that act on velocities to join here instead of on_grid.
+  bool implicit = false;
+  std::vector<std::function<Vec<Dim>(const State<Dim>&)>> accelerations;  // of all matter [m/s^2]
+  std::vector<std::function<void(State<Dim>&, NodeConstraints<Dim>&)>> constraints;
 };
 
 // One number of a history row. Parts of the ranks are combined by `kind`.

@@ -1,6 +1,7 @@
 // Everything that one simulation holds on this rank; what integrators and effects work on.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -45,6 +46,7 @@ class Ledger {
 // Work of an implicit solve, the same on all ranks.
 struct SolverWork {
   GlobalIndex solves = 0, iterations = 0, unknowns = 0;  // unknowns: the sum over the solves
+  GlobalIndex told = 0;  // iterations up to the last row of the history
 };
 
 template <int Dim>
@@ -67,6 +69,8 @@ struct State {
   // may turn out that one is written all the same, when a signal ends the run.
   bool observed = true;
   StepLimits limits;
+  bool inertia = true;    // false: velocities are those of the load steps and carry no energy
+  Real step_limit = std::numeric_limits<Real>::infinity();  // of an integrator that controls its own steps [s]
   Real drift = 0;  // bound of the particles' way since the last sort [m]
   bool stop_requested = false;  // by a signal: on this rank before a step, on any rank after it
   Ledger ledger;   // "external_work" and "plastic_work" [J] among others
@@ -75,6 +79,8 @@ struct State {
   Real busy = 0;  // compute time since the last sort [s], for weights by time
   Timers timers;
   MemoryWatch memory;
+  // Arrays on this rank that are neither columns nor fields nor an effect's; the same names on every rank.
+  std::vector<std::function<MemoryAccount()>> accounts;
 
   const Communicator& communicator() const { return distribution.communicator(); }
   const GridGeometry<Dim>& geometry() const { return distribution.grid(); }
@@ -86,6 +92,11 @@ struct State {
   TransferGrid<Dim, T> transfer_grid() const {
     return {geometry(), topology(), fields.template data<T>(nodes),
             changes == no_field ? nullptr : fields.template data<T>(changes), transfer.flip_blend};
+  }
+  // Number of the node whose values are at this place.
+  template <class T>
+  std::size_t number_of_node(const T* values) const {
+    return static_cast<std::size_t>(values - fields.template data<T>(nodes)) / node_values;
   }
   // (velocity, mass) of node 0 of a slot.
   template <class T>

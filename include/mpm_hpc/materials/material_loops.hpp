@@ -4,6 +4,7 @@
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/materials/fluid_model.hpp"
 #include "mpm_hpc/materials/solid_model.hpp"
+#include "mpm_hpc/materials/trial_response.hpp"
 
 namespace mpm {
 
@@ -48,6 +49,15 @@ class MaterialLoops final : public Material<Dim> {
   MaterialUpdate advance(const Columns<float>& c, const float* const* gradient, const DeformationStep& step,
                          Index begin, Index end) const override {
     return advance_loop(c, gradient, step, begin, end);
+  }
+  TrialSums trial(const Columns<double>& c, const double* const* gradient, Real dt, Index begin, Index end,
+                  const TrialColumns<Dim>& out) const override {
+    if constexpr (HasTangent<Law, Dim>) {
+      return trial_loop(c, gradient, dt, begin, end, out);
+    } else {
+      debug_check(false, "the law of this material has no tangent");
+      return {};
+    }
   }
   MaterialLimits limits(const Columns<double>& c, Index begin, Index end) const override {
     return limits_loop(c, begin, end);
@@ -157,6 +167,21 @@ class MaterialLoops final : public Material<Dim> {
         update.guards[k] = static_cast<GlobalIndex>(tally.guards[k].sum());
     }
     return update;
+  }
+
+  // The law's part is made once for all rules, which are not asked for more than a factor.
+  TrialSums trial_loop(const Columns<double>& c, const double* const* gradient, Real dt, Index begin, Index end,
+                       const TrialColumns<Dim>& out) const {
+    constexpr int most = 64;
+    alignas(64) double weight[most];
+    TrialSums sums;
+    for (Index p = begin; p < end; p += most) {
+      const Index last = std::min<Index>(p + most, end);
+      for (Index q = p; q < last; q += pack_width<double>)
+        store(weight + (q - p), model_.template energy_weight<Pack<double>>(c, q));
+      sums.include(trial_run(model_.law, c, weight, gradient, dt, p, last, begin, out));
+    }
+    return sums;
   }
 
   template <class T>

@@ -10,6 +10,7 @@
 
 #include "mpm_hpc/materials/deformation_update.hpp"
 #include "mpm_hpc/materials/material_columns.hpp"
+#include "mpm_hpc/materials/trial_columns.hpp"
 
 namespace mpm {
 
@@ -92,6 +93,11 @@ class Material {
                                  const DeformationStep& step, Index begin, Index end) const = 0;
   virtual MaterialUpdate advance(const Columns<float>& columns, const float* const* gradient,
                                  const DeformationStep& step, Index begin, Index end) const = 0;
+
+  // Energy, stress and tangent that a step with these gradients of velocity would give, F <- (I + dt grad v) F, of the elastic
+  // law alone: a plasticity rule returns the particles in advance(). Throws LogicError without has_tangent().
+  virtual TrialSums trial(const Columns<double>& columns, const double* const* gradient, Real dt, Index begin, Index end,
+                          const TrialColumns<Dim>& out) const = 0;
 
   virtual MaterialLimits limits(const Columns<double>& columns, Index begin, Index end) const = 0;
   virtual MaterialLimits limits(const Columns<float>& columns, Index begin, Index end) const = 0;

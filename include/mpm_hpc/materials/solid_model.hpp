@@ -89,6 +89,12 @@ struct SolidModel {
     return point;
   }
 
+  // V0 times the factor of the rule, to which all energies are proportional.
+  template <class S>
+  S energy_weight(const MaterialColumns<Dim, double>& columns, Index p) const {
+    return scaled(load_point<S>(columns, p), load<S>(columns.volume + p));
+  }
+
  private:
   template <class S, class V>
   V scaled(const Point<S>& point, const V& value) const {

@@ -11,6 +11,7 @@
 #include "mpm_hpc/effects/effect_list.hpp"
 #include "mpm_hpc/math/formula.hpp"
 #include "mpm_hpc/scene/seeding.hpp"
+#include "mpm_hpc/time/implicit_system.hpp"
 
 namespace mpm {
 
@@ -36,6 +37,9 @@ struct TimeOptions {
   std::optional<Real> dt;         // fixed step [s]
   std::optional<Real> max_dt;     // [s]
   std::optional<std::int64_t> max_steps;
+  ImplicitOptions implicit;       // of the other integrators
+
+  bool is_implicit() const { return integrator != "explicit"; }
 };
 
 struct OutputOptions {

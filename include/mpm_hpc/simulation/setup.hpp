@@ -3,6 +3,7 @@
 
 #include "mpm_hpc/effects/state.hpp"
 #include "mpm_hpc/scene/scene.hpp"
+#include "mpm_hpc/time/integrator.hpp"
 
 namespace mpm {
 
@@ -10,6 +11,14 @@ namespace mpm {
 // effects that don't fit the bodies. Collective.
 template <int Dim>
 void declare_state(const Communicator& communicator, Scene<Dim>& scene, State<Dim>& state);
+
+// The hooks of all effects for the scene's integrator.
+template <int Dim>
+StepHooks<Dim> join_effects(const Scene<Dim>& scene);
+
+// The scene's integrator. Before the particles are there. Throws UserError for bodies that it can't move. Collective.
+template <int Dim>
+std::unique_ptr<Integrator<Dim>> make_integrator(const Scene<Dim>& scene, State<Dim>& state, StepHooks<Dim> hooks);
 
 // Fills the bodies with their particles, each rank a share of them, and brings them to their owners. Throws UserError on
 // all ranks for a body that is empty or reaches out of the domain. Collective.

@@ -52,6 +52,8 @@ class LinearSolver {
   // `solution` holds the start values and then the solution; returns the number of iterations.
   int solve(const std::vector<Real>& rhs, std::vector<Real>& solution);
 
+  // Of another solver, whose options are this class's business as well.
+  static void add_prefix(const std::string& prefix);
   // Whether an option (with its dash) is addressed to a solver that exists.
   static bool knows_prefix(const std::string& option);
 

@@ -54,7 +54,7 @@ template <int Dim>
 template <class F>
 void BodyForce<Dim>::for_particles(State<Dim>& state, F&& f) const {
   std::array<Real, variables> values{};
-  values[Dim] = state.time;
+  values[Dim] = state.inertia ? state.time : state.time + state.dt;  // an equilibrium is that of the load at its end
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     if (!loaded_[b]) continue;
     Body<Dim>& body = state.bodies[b];

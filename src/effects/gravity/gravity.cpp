@@ -25,7 +25,11 @@ void Gravity<Dim>::declare_fields(State<Dim>& state) {
 
 template <int Dim>
 void Gravity<Dim>::join(StepHooks<Dim>& hooks) {
-  hooks.on_grid.push_back([this](State<Dim>& state) { accelerate(state); });
+  if (hooks.implicit) {
+    hooks.accelerations.push_back([this](const State<Dim>&) { return acceleration_; });
+  } else {
+    hooks.on_grid.push_back([this](State<Dim>& state) { accelerate(state); });
+  }
 }
 
 template <int Dim>

@@ -48,7 +48,20 @@ void Grip<Dim>::declare_fields(State<Dim>& state) {
 
 template <int Dim>
 void Grip<Dim>::join(StepHooks<Dim>& hooks) {
-  hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+  if (hooks.implicit) {
+    hooks.constraints.push_back([this](State<Dim>& state, NodeConstraints<Dim>& constraints) {
+      const RigidStep<Dim> step = motion_.step(state.time, state.dt);
+      constraints.begin(reaction_);
+      with_precision(state.precision, [&](auto zero) {
+        using T = decltype(zero);
+        for_nodes_inside<T>(state, shape_, step.pose, [&](const Vec<Dim>&, const Vec<Dim>& x, T* values) {
+          constraints.prescribe(state.number_of_node(values), prescribed_, step.velocity_at(x));
+        });
+      });
+    });
+  } else {
+    hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+  }
 }
 
 template <int Dim>

@@ -26,25 +26,42 @@ void Obstacle<Dim>::declare_fields(State<Dim>& state) {
 
 template <int Dim>
 void Obstacle<Dim>::join(StepHooks<Dim>& hooks) {
-  hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+  if (hooks.implicit) {
+    hooks.constraints.push_back([this](State<Dim>& state, NodeConstraints<Dim>& constraints) {
+      constraints.begin(reaction_);
+      for_touched(state, [&](auto* values, const Vec<Dim>& normal, const Vec<Dim>& surface) {
+        constraints.touch(state.number_of_node(values), contact_, normal, surface);
+      });
+    });
+  } else {
+    hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+  }
 }
 
+// Calls f(values, normal, velocity of the surface) for each node that the obstacle covers.
 template <int Dim>
-void Obstacle<Dim>::act(State<Dim>& state) {
+template <class F>
+void Obstacle<Dim>::for_touched(State<Dim>& state, F&& f) const {
   const RigidStep<Dim> step = motion_.step(state.time, state.dt);
-  Exchange<Dim> exchange;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for_nodes_inside<T>(state, shape_, step.pose, [&](const Vec<Dim>& X, const Vec<Dim>& x, T* values) {
-      const Vec<Dim> surface = step.velocity_at(x);
-      Vec<Dim> relative;
-      for (int a = 0; a < Dim; ++a) relative[a] = values[a] - surface[a];
       // A sticky obstacle needs no normal, which is dear for meshes.
       const Vec<Dim> normal = contact_.condition == ContactCondition::sticky
                                   ? Vec<Dim>(Vec<Dim>::Zero())
                                   : Vec<Dim>(step.pose.rotation * shape_.normal(X));
-      exchange.set_velocity(values, surface + contact_.apply(normal, relative));
+      f(values, normal, step.velocity_at(x));
     });
+  });
+}
+
+template <int Dim>
+void Obstacle<Dim>::act(State<Dim>& state) {
+  Exchange<Dim> exchange;
+  for_touched(state, [&](auto* values, const Vec<Dim>& normal, const Vec<Dim>& surface) {
+    Vec<Dim> relative;
+    for (int a = 0; a < Dim; ++a) relative[a] = values[a] - surface[a];
+    exchange.set_velocity(values, surface + contact_.apply(normal, relative));
   });
   reaction_.add(state, exchange);
 }

@@ -14,20 +14,6 @@ using Kernel = QuadraticKernel;
 // Row numbers travel in grid fields of either precision, as two parts that a float holds exactly.
 constexpr GlobalIndex row_base = 1 << 20;
 
-constexpr std::size_t no_node = ~std::size_t{0};
-
-// The node at a place counted from a block's first node, at most one block away; no_node if its block isn't active.
-template <int Dim>
-std::size_t node_around(const Slot* around, const IntVec<Dim>& place) {
-  int neighbour = 0, in_block = 0;
-  for (int a = 0; a < Dim; ++a) {
-    neighbour = 3 * neighbour + (place[a] < 0 ? 0 : place[a] < block_side ? 1 : 2);
-    in_block = block_side * in_block + (place[a] & (block_side - 1));
-  }
-  if (around[neighbour] == no_slot) return no_node;
-  return static_cast<std::size_t>(around[neighbour]) * nodes_per_block<Dim> + static_cast<std::size_t>(in_block);
-}
-
 }  // namespace
 
 template <int Dim>

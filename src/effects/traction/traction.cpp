@@ -95,8 +95,9 @@ void Traction<Dim>::measure(State<Dim>& state) {
 template <int Dim>
 template <class F>
 void Traction<Dim>::for_loaded(State<Dim>& state, F&& f) const {
-  const Vec<Dim> impulse_per_volume =
-      state.dt * ramp_.mean(state.time, state.dt) * area_ / volume_ * traction_;  // [N s/m^3]
+  // An equilibrium is that of the load at the end of its step.
+  const Real factor = state.inertia ? ramp_.mean(state.time, state.dt) : ramp_.factor(state.time + state.dt);
+  const Vec<Dim> impulse_per_volume = state.dt * factor * area_ / volume_ * traction_;  // [N s/m^3]
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for (std::size_t b = 0; b < state.bodies.size(); ++b) {

@@ -59,7 +59,33 @@ void Walls<Dim>::declare_fields(State<Dim>& state) {
 
 template <int Dim>
 void Walls<Dim>::join(StepHooks<Dim>& hooks) {
+  if (hooks.implicit) {
+    hooks.constraints.push_back([this](State<Dim>& state, NodeConstraints<Dim>& c) { constrain(state, c); });
+    return;
+  }
   hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+}
+
+// The nodes on and beyond each plane.
+template <int Dim>
+void Walls<Dim>::constrain(State<Dim>& state, NodeConstraints<Dim>& constraints) {
+  constraints.begin(reaction_);
+  const GridGeometry<Dim>& grid = state.geometry();
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (Slot s = 0; s < state.topology().owned(); ++s)
+      for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
+        const Vec<Dim> x = grid.node_position(node);
+        for (int side = 0; side < 2 * Dim; ++side) {
+          if (!sides_[side]) continue;
+          const int a = side / 2;
+          const Vec<Dim> inward = (side % 2 ? -1.0 : 1.0) * Vec<Dim>::Unit(a);
+          const Real depth = inward[a] * (x[a] - (side % 2 ? grid.upper()[a] : grid.lower()[a]));
+          if (depth > surface_tolerance * grid.spacing()) continue;
+          constraints.touch(state.number_of_node(values), *sides_[side], inward, Vec<Dim>::Zero());
+        }
+      });
+  });
 }
 
 template <int Dim>

@@ -25,6 +25,8 @@ class Obstacle final : public Effect<Dim> {
 
  private:
   void act(State<Dim>& state);
+  template <class F>
+  void for_touched(State<Dim>& state, F&& f) const;
 
   Reaction<Dim> reaction_;
   Shape<Dim> shape_;

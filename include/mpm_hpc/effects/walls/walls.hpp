@@ -27,6 +27,7 @@ class Walls final : public Effect<Dim> {
 
  private:
   void act(State<Dim>& state);
+  void constrain(State<Dim>& state, NodeConstraints<Dim>& constraints);
 
   std::array<std::optional<Contact>, 2 * Dim> sides_;  // x_min, x_max, y_min, ...
   std::array<std::string, 2 * Dim> where_;             // their places in the scene

@@ -1,0 +1,54 @@
+// Backward Euler on the grid's velocities, or static equilibrium after each load step (physics.md section 6).
+#pragma once
+
+#include "mpm_hpc/time/contact_states.hpp"
+#include "mpm_hpc/time/grid_stages.hpp"
+#include "mpm_hpc/time/implicit_system.hpp"
+#include "mpm_hpc/time/integrator.hpp"
+
+namespace mpm {
+
+// Elastic trial stresses are in the solve; a plasticity rule returns the particles after it. The phase field is staggered:
+// one pass, with the cracks as they were before the step. A step whose Newton iteration fails is tried again with half its
+// length, from the particles as they were; after a success the length grows again.
+template <int Dim>
+class ImplicitIntegrator final : public Integrator<Dim> {
+ public:
+  struct Options {
+    ImplicitOptions system;
+    Real cfl = 0.4;         // share of a cell that particles may travel in a step
+    Real first_step = std::numeric_limits<Real>::infinity();  // [s]
+    Real largest_step = std::numeric_limits<Real>::infinity();
+  };
+  // Steps below this share of the largest that succeeded (or was tried first) end the run.
+  static constexpr Real least_step = 1e-6;
+
+  ImplicitIntegrator(State<Dim>& state, StepHooks<Dim> hooks, const Options& options);
+
+  void initialise(State<Dim>& state) override;
+  Real stable_step(const State<Dim>& state) override;
+  void step(State<Dim>& state) override;
+  const char* bound_by() const override { return bound_by_; }
+
+  // The first part of a step: everything up to the equations, with the contacts as they are assumed to begin with. Exposed
+  // for tests.
+  void prepare(State<Dim>& state);
+  ImplicitSystem<Dim>& system() { return system_; }
+  const NewtonResult& last_result() const { return result_; }
+
+ private:
+  bool attempt(State<Dim>& state);
+  void take_velocities(State<Dim>& state);
+  Real fastest(const State<Dim>& state) const;
+
+  GridStages<Dim> stages_;
+  Options options_;
+  ImplicitSystem<Dim> system_;
+  NodeConstraints<Dim> constraints_;
+  ContactStates<Dim> contacts_;
+  NewtonResult result_;
+  std::string failure_;
+  const char* bound_by_ = "nothing";
+};
+
+}  // namespace mpm
