@@ -194,6 +194,7 @@ void ExplicitIntegrator<Dim>::step_in(State<Dim>& state) {
     momentum_to_velocity<T>(state);
   }
   run(hooks_.on_grid);
+  run(hooks_.end_of_grid);
   if (state.transfer.increments()) {
     auto s = timers.scope(stage_grid_);
     find_changes<T>(state);

@@ -9,6 +9,15 @@
 
 namespace mpm {
 
+namespace {
+
+template <int Dim>
+Vec<Dim> inward(int side) {
+  return (side % 2 ? -1.0 : 1.0) * Vec<Dim>::Unit(side / 2);
+}
+
+}  // namespace
+
 template <int Dim>
 Walls<Dim>::Walls(Parameters& p) : reaction_("walls", p.where()) {
   Real friction = 0;
@@ -39,13 +48,21 @@ template <int Dim>
 std::string Walls<Dim>::explain() const {
   std::vector<std::string> parts;
   for (int side = 0; side < 2 * Dim; ++side)
-    if (sides_[side]) parts.push_back(fmt::format("{} {}", domain_side_name(side), sides_[side]->describe()));
+    if (sides_[side]) {
+      const bool first_order = sides_[side]->condition != ContactCondition::separate && !mirrors_.has(side);
+      parts.push_back(fmt::format(
+          "{} {}{}", domain_side_name(side), sides_[side]->describe(),
+          first_order ? " (no mirror, since the domain is no multiple of h/2 long, or shorter than 4 h: "
+                        "of first order)"
+                      : ""));
+    }
   return fmt::format("walls: {}", fmt::join(parts, ", "));
 }
 
 template <int Dim>
 void Walls<Dim>::declare_fields(State<Dim>& state) {
   reaction_.declare(state);
+  find_mirrors(state.geometry());
   for (int side = 0; side < 2 * Dim; ++side) {
     if (!sides_[side]) continue;
     require(!state.geometry().periodic(side / 2),
@@ -58,46 +75,130 @@ void Walls<Dim>::declare_fields(State<Dim>& state) {
 }
 
 template <int Dim>
-void Walls<Dim>::join(StepHooks<Dim>& hooks) {
-  hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+void Walls<Dim>::find_mirrors(const GridGeometry<Dim>& grid) {
+  for (int side = 0; side < 2 * Dim; ++side) {
+    const int a = side / 2;
+    const Real plane =
+        ((side % 2 ? grid.upper()[a] : grid.lower()[a]) - grid.origin()[a]) * grid.inverse_spacing();
+    limit_[side] = static_cast<std::int32_t>(side % 2 ? std::ceil(plane - surface_tolerance)
+                                                      : std::floor(plane + surface_tolerance));
+    if (sides_[side]) mirrors_.add(grid, side, sides_[side]->condition);
+  }
 }
 
 template <int Dim>
-void Walls<Dim>::act(State<Dim>& state) {
-  // The first node on or beyond each plane, counted outwards.
-  const GridGeometry<Dim>& grid = state.geometry();
-  std::array<std::int32_t, 2 * Dim> limit{};
-  for (int a = 0; a < Dim; ++a) {
-    const Real low = (grid.lower()[a] - grid.origin()[a]) * grid.inverse_spacing();
-    const Real high = (grid.upper()[a] - grid.origin()[a]) * grid.inverse_spacing();
-    limit[2 * a] = static_cast<std::int32_t>(std::floor(low + surface_tolerance));
-    limit[2 * a + 1] = static_cast<std::int32_t>(std::ceil(high - surface_tolerance));
-  }
-  auto reached = [&](int side, int node) { return side % 2 ? node >= limit[side] : node <= limit[side]; };
+void Walls<Dim>::join(StepHooks<Dim>& hooks) {
+  if (mirrors_.any()) hooks.on_grid.push_back([this](State<Dim>& state) { reflect(state); });
+  hooks.end_of_grid.push_back([this](State<Dim>& state) { close(state); });
+}
 
-  Exchange<Dim> exchange;
+// The velocity of a group after friction with the mirrors next to it.
+template <int Dim>
+template <class T>
+Vec<Dim> Walls<Dim>::rubbed(const typename Mirrors<Dim>::template Group<T>& group, Vec<Dim> velocity) const {
+  for (int a = 0; a < Dim; ++a) {
+    if (group.side[a] < 0 || sides_[group.side[a]]->friction == 0) continue;
+    Real impulse = 0, mass = 0;
+    for (int i = 0; i < group.count; ++i) {
+      const auto& member = group.members[i];
+      impulse += member.values[Dim] * (member.sign[a] * velocity[a] - member.values[a]);
+      mass += member.values[Dim];
+    }
+    const Real along = velocity[a];
+    velocity[a] = 0;
+    const Real momentum = mass * velocity.norm();
+    if (momentum > 0)
+      velocity *= std::max(0.0, 1 - sides_[group.side[a]]->friction * std::abs(impulse) / momentum);
+    velocity[a] = along;
+  }
+  return velocity;
+}
+
+template <int Dim>
+void Walls<Dim>::reflect(State<Dim>& state) {
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    for (Slot s = 0; s < state.topology().owned(); ++s) {
-      const IntVec<Dim> first = state.topology().first_node(s);
-      bool touched = false;
-      for (int side = 0; side < 2 * Dim; ++side)
-        touched =
-            touched || (sides_[side] && reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0)));
-      if (!touched) continue;
-      for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
-        Vec<Dim> velocity;
-        for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
-        for (int side = 0; side < 2 * Dim; ++side)
-          if (sides_[side] && reached(side, node[side / 2])) {
-            const Vec<Dim> inward = (side % 2 ? -1.0 : 1.0) * Vec<Dim>::Unit(side / 2);
-            velocity = sides_[side]->apply(inward, velocity);
+    using Group = typename Mirrors<Dim>::template Group<T>;
+    const T* nodes = state.fields.template data<T>(state.nodes);
+    T* changes = state.transfer.increments() ? state.fields.template data<T>(state.changes) : nullptr;
+    Exchange<Dim> before;
+    mirrors_.template for_groups<T>(
+        state,
+        [&](const Group& group) {
+          if (changes) {
+            // The velocity before the forces, from which the change is measured.
+            const auto of = [&](const auto& member) { return changes + (member.values - nodes); };
+            const Vec<Dim> velocity = group.mean(of);
+            for (int i = 0; i < group.count; ++i) {
+              const auto& member = group.members[i];
+              before.set_velocity(of(member), member.sign.cwiseProduct(velocity), member.values[Dim]);
+            }
           }
-        exchange.set_velocity(values, velocity);
-      });
-    }
+          const Vec<Dim> velocity =
+              rubbed<T>(group, group.mean([](const auto& member) { return member.values; }));
+          for (int i = 0; i < group.count; ++i) {
+            const auto& member = group.members[i];
+            exchange_.set_velocity(member.values, member.sign.cwiseProduct(velocity));
+          }
+        },
+        [](const IntVec<Dim>&, const T*) {});
+    // What particles with increments keep of their own velocity the wall doesn't take from them.
+    exchange_.add(before, -state.transfer.flip_blend);
   });
-  reaction_.add(state, exchange);
+}
+
+// The sides that are no mirrors.
+template <int Dim>
+template <class T>
+void Walls<Dim>::touch(State<Dim>& state) {
+  auto reached = [&](int side, int node) {
+    return sides_[side] && !mirrors_.has(side) && (side % 2 ? node >= limit_[side] : node <= limit_[side]);
+  };
+  for (Slot s = 0; s < state.topology().owned(); ++s) {
+    const IntVec<Dim> first = state.topology().first_node(s);
+    bool touched = false;
+    for (int side = 0; side < 2 * Dim; ++side)
+      touched = touched || reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0));
+    if (!touched) continue;
+    for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
+      Vec<Dim> velocity;
+      for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
+      for (int side = 0; side < 2 * Dim; ++side)
+        if (reached(side, node[side / 2])) velocity = sides_[side]->apply(inward<Dim>(side), velocity);
+      exchange_.set_velocity(values, velocity);
+    });
+  }
+}
+
+template <int Dim>
+void Walls<Dim>::close(State<Dim>& state) {
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    using Group = typename Mirrors<Dim>::template Group<T>;
+    touch<T>(state);
+    if (!mirrors_.any()) return;
+    mirrors_.template for_groups<T>(
+        state,
+        [&](const Group& group) {
+          Vec<Dim> velocity;
+          for (int a = 0; a < Dim; ++a) velocity[a] = group.free[a] * group.members[0].values[a];
+          for (int i = 0; i < group.count; ++i) {
+            const auto& member = group.members[i];
+            exchange_.set_velocity(member.values, member.sign.cwiseProduct(velocity));
+          }
+        },
+        [&](const IntVec<Dim>& node, T* values) {
+          Vec<Dim> velocity;
+          for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
+          for (int side = 0; side < 2 * Dim; ++side)
+            if (mirrors_.has(side) &&
+                (side % 2 ? node[side / 2] >= limit_[side] : node[side / 2] <= limit_[side]))
+              velocity = sides_[side]->apply(inward<Dim>(side), velocity);
+          exchange_.set_velocity(values, velocity);
+        });
+  });
+  reaction_.add(state, exchange_);
+  exchange_ = {};
 }
 
 template class Walls<2>;
