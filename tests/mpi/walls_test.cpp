@@ -279,4 +279,47 @@ TEST(MirrorWalls, TheReactionsBalance) {
   }
 }
 
+// A node beyond a side and its image have one owner, wherever the upper sides lie and however the blocks are dealt out.
+template <int Dim>
+void check_owners() {
+  for (int half_cells = 8; half_cells <= 30; ++half_cells) {
+    const GridGeometry<Dim> grid(Vec<Dim>::Zero(), Vec<Dim>::Constant(0.5 * half_cells), 1);
+    Decomposition<Dim> decomposition(grid);
+    std::vector<std::int32_t> owners(static_cast<std::size_t>(decomposition.entries()));
+    for (std::size_t i = 0; i < owners.size(); ++i) owners[i] = static_cast<std::int32_t>(i);
+    decomposition.set_owners(owners);
+    const auto owner = [&](const IntVec<Dim>& node) {
+      return decomposition.owner(IntVec<Dim>(node / block_side));
+    };
+    for (int a = 0; a < Dim; ++a)
+      for (const int twice : {2 * grid.margin, 2 * grid.margin + half_cells})
+        for (int node = (twice - 3 + 1) / 2; 2 * node <= twice + 3; ++node) {
+          IntVec<Dim> place = IntVec<Dim>::Constant(grid.margin + 1), image = place;
+          place[a] = node;
+          image[a] = twice - node;
+          EXPECT_EQ(owner(place), owner(image)) << half_cells << " half cells, node " << node;
+        }
+  }
+}
+TEST(MirrorWalls, ANodeAndItsImageHaveOneOwner) {
+  check_owners<2>();
+  check_owners<3>();
+}
+
+TEST(MirrorWalls, SidesThatAreNoMirrorsSaySo) {
+  const auto explained = [](Real width, Real height) {
+    test::SceneWorld<2> world(scene_text<2>(
+        {"quadratic", "apic", "mls"}, 0.05, "[0, 0]", list<2>(width, height, 0), 100,
+        "[[body]]\nmaterial = \"soft\"\nshape = {type = \"box\", lower = [0, 0], upper = [0.1, 0.1]}\n"
+        "[effect.walls]\nx_min = \"sticky\"\nx_max = \"slip\"\ny_min = \"slip\"\ny_max = \"separate\"\n"));
+    return world.scene.effects.at(0)->explain();
+  };
+  const std::string why =
+      " (no mirror, since the domain is no multiple of h/2 long, or shorter than 4 h: of first order)";
+  EXPECT_EQ(explained(0.8, 0.625), "walls: x_min sticky, x_max slip, y_min slip, y_max separate");
+  EXPECT_EQ(explained(0.81, 0.625), "walls: x_min sticky, x_max slip" + why + ", y_min slip, y_max separate");
+  EXPECT_EQ(explained(0.15, 0.625),
+            "walls: x_min sticky" + why + ", x_max slip" + why + ", y_min slip, y_max separate");
+}
+
 }  // namespace
