@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "mpm_hpc/base/error.hpp"
@@ -89,20 +90,41 @@ void Walls<Dim>::find_mirrors(const GridGeometry<Dim>& grid) {
 template <int Dim>
 void Walls<Dim>::join(StepHooks<Dim>& hooks) {
   if (mirrors_.any()) hooks.on_grid.push_back([this](State<Dim>& state) { reflect(state); });
-  hooks.end_of_grid.push_back([this](State<Dim>& state) { close(state); });
+  hooks.end_of_grid.push_back([this](State<Dim>& state) { finish(state); });
+}
+
+// The common velocity of a group, sum m R v / sum m, which keeps its momentum.
+template <int Dim>
+template <class T>
+Vec<Dim> Walls<Dim>::mean(const Group& group, const T* masses, const T* velocities) const {
+  Vec<Dim> momentum = Vec<Dim>::Zero();
+  Real mass = 0;
+  const Member* members = mirrors_.members(group);
+  for (int i = 0; i < group.count; ++i) {
+    const std::size_t node = static_cast<std::size_t>(members[i].node) * node_values;
+    const Real m = masses[node + Dim];
+    for (int a = 0; a < Dim; ++a)
+      momentum[a] += (Mirrors<Dim>::in(members[i].turned, a) ? -m : m) * velocities[node + a];
+    mass += m;
+  }
+  for (int a = 0; a < Dim; ++a)
+    if (Mirrors<Dim>::in(group.vanishing, a)) momentum[a] = 0;
+  return momentum / mass;
 }
 
 // The velocity of a group after friction with the mirrors next to it.
 template <int Dim>
 template <class T>
-Vec<Dim> Walls<Dim>::rubbed(const typename Mirrors<Dim>::template Group<T>& group, Vec<Dim> velocity) const {
+Vec<Dim> Walls<Dim>::rubbed(const Group& group, const T* nodes, Vec<Dim> velocity) const {
   for (int a = 0; a < Dim; ++a) {
     if (group.side[a] < 0 || sides_[group.side[a]]->friction == 0) continue;
     Real impulse = 0, mass = 0;
+    const Member* members = mirrors_.members(group);
     for (int i = 0; i < group.count; ++i) {
-      const auto& member = group.members[i];
-      impulse += member.values[Dim] * (member.sign[a] * velocity[a] - member.values[a]);
-      mass += member.values[Dim];
+      const T* values = nodes + static_cast<std::size_t>(members[i].node) * node_values;
+      const Real m = values[Dim];
+      impulse += m * ((Mirrors<Dim>::in(members[i].turned, a) ? -velocity[a] : velocity[a]) - values[a]);
+      mass += m;
     }
     const Real along = velocity[a];
     velocity[a] = 0;
@@ -114,34 +136,37 @@ Vec<Dim> Walls<Dim>::rubbed(const typename Mirrors<Dim>::template Group<T>& grou
   return velocity;
 }
 
+// Sets the velocities of a group's nodes with mass from that of the first.
+template <int Dim>
+template <class T>
+void Walls<Dim>::give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity,
+                      Exchange<Dim>& exchange) const {
+  const Member* members = mirrors_.members(group);
+  for (int i = 0; i < group.count; ++i) {
+    const std::size_t node = static_cast<std::size_t>(members[i].node) * node_values;
+    const Real mass = masses[node + Dim];
+    if (mass == 0) continue;
+    Vec<Dim> turned = velocity;
+    for (int a = 0; a < Dim; ++a)
+      if (Mirrors<Dim>::in(members[i].turned, a)) turned[a] = -turned[a];
+    exchange.set_velocity(velocities + node, turned, mass);
+  }
+}
+
 template <int Dim>
 void Walls<Dim>::reflect(State<Dim>& state) {
+  mirrors_.find_groups(state);
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    using Group = typename Mirrors<Dim>::template Group<T>;
-    const T* nodes = state.fields.template data<T>(state.nodes);
+    T* nodes = state.fields.template data<T>(state.nodes);
     T* changes = state.transfer.increments() ? state.fields.template data<T>(state.changes) : nullptr;
     Exchange<Dim> before;
-    mirrors_.template for_groups<T>(
-        state,
-        [&](const Group& group) {
-          if (changes) {
-            // The velocity before the forces, from which the change is measured.
-            const auto of = [&](const auto& member) { return changes + (member.values - nodes); };
-            const Vec<Dim> velocity = group.mean(of);
-            for (int i = 0; i < group.count; ++i) {
-              const auto& member = group.members[i];
-              before.set_velocity(of(member), member.sign.cwiseProduct(velocity), member.values[Dim]);
-            }
-          }
-          const Vec<Dim> velocity =
-              rubbed<T>(group, group.mean([](const auto& member) { return member.values; }));
-          for (int i = 0; i < group.count; ++i) {
-            const auto& member = group.members[i];
-            exchange_.set_velocity(member.values, member.sign.cwiseProduct(velocity));
-          }
-        },
-        [](const IntVec<Dim>&, const T*) {});
+    for (const Group& group : mirrors_.groups()) {
+      if (nodes[static_cast<std::size_t>(mirrors_.members(group)->node) * node_values + Dim] == 0) continue;
+      // With increments, these are the velocities before the forces, from which the change is measured.
+      if (changes) give<T>(group, nodes, changes, mean<T>(group, nodes, changes), before);
+      give<T>(group, nodes, nodes, rubbed<T>(group, nodes, mean<T>(group, nodes, nodes)), exchange_);
+    }
     // What particles with increments keep of their own velocity the wall doesn't take from them.
     exchange_.add(before, -state.transfer.flip_blend);
   });
@@ -170,32 +195,39 @@ void Walls<Dim>::touch(State<Dim>& state) {
   }
 }
 
+// The nodes beyond the mirrors once more, after what obstacles and grips did to those inside.
 template <int Dim>
-void Walls<Dim>::close(State<Dim>& state) {
+template <class T>
+void Walls<Dim>::follow(State<Dim>& state) {
+  mirrors_.find_groups(state);
+  T* nodes = state.fields.template data<T>(state.nodes);
+  const auto stop = [&](const Member& member) {
+    T* values = nodes + static_cast<std::size_t>(member.node) * node_values;
+    if (values[Dim] == 0) return;
+    Vec<Dim> velocity;
+    for (int a = 0; a < Dim; ++a) velocity[a] = Mirrors<Dim>::in(member.stopped, a) ? 0 : values[a];
+    exchange_.set_velocity(values, velocity);
+  };
+  for (const Group& group : mirrors_.groups()) {
+    const Member* members = mirrors_.members(group);
+    const T* first = nodes + static_cast<std::size_t>(members->node) * node_values;
+    if (first[Dim] == 0) {
+      std::for_each(members + 1, members + group.count, stop);
+      continue;
+    }
+    Vec<Dim> velocity;
+    for (int a = 0; a < Dim; ++a) velocity[a] = Mirrors<Dim>::in(group.vanishing, a) ? 0 : first[a];
+    give<T>(group, nodes, nodes, velocity, exchange_);
+  }
+  std::for_each(mirrors_.far_nodes().begin(), mirrors_.far_nodes().end(), stop);
+}
+
+template <int Dim>
+void Walls<Dim>::finish(State<Dim>& state) {
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    using Group = typename Mirrors<Dim>::template Group<T>;
     touch<T>(state);
-    if (!mirrors_.any()) return;
-    mirrors_.template for_groups<T>(
-        state,
-        [&](const Group& group) {
-          Vec<Dim> velocity;
-          for (int a = 0; a < Dim; ++a) velocity[a] = group.free[a] * group.members[0].values[a];
-          for (int i = 0; i < group.count; ++i) {
-            const auto& member = group.members[i];
-            exchange_.set_velocity(member.values, member.sign.cwiseProduct(velocity));
-          }
-        },
-        [&](const IntVec<Dim>& node, T* values) {
-          Vec<Dim> velocity;
-          for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
-          for (int side = 0; side < 2 * Dim; ++side)
-            if (mirrors_.has(side) &&
-                (side % 2 ? node[side / 2] >= limit_[side] : node[side / 2] <= limit_[side]))
-              velocity = sides_[side]->apply(inward<Dim>(side), velocity);
-          exchange_.set_velocity(values, velocity);
-        });
+    follow<T>(state);
   });
   reaction_.add(state, exchange_);
   exchange_ = {};

@@ -36,15 +36,25 @@ class Walls final : public Effect<Dim> {
   void restore(const std::map<std::string, std::vector<Real>>& numbers) override {
     reaction_.restore(numbers);
   }
+  MemoryAccount memory() const override { return {{"walls/mirrored nodes", mirrors_.allocated_bytes()}}; }
 
  private:
+  using Member = typename Mirrors<Dim>::Member;
+  using Group = typename Mirrors<Dim>::Group;
   void find_mirrors(const GridGeometry<Dim>& grid);
   void reflect(State<Dim>& state);
-  void close(State<Dim>& state);
   template <class T>
-  Vec<Dim> rubbed(const typename Mirrors<Dim>::template Group<T>& group, Vec<Dim> velocity) const;
+  Vec<Dim> mean(const Group& group, const T* masses, const T* velocities) const;
+  template <class T>
+  Vec<Dim> rubbed(const Group& group, const T* nodes, Vec<Dim> velocity) const;
+  template <class T>
+  void give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity,
+            Exchange<Dim>& exchange) const;
+  void finish(State<Dim>& state);
   template <class T>
   void touch(State<Dim>& state);
+  template <class T>
+  void follow(State<Dim>& state);
 
   std::array<std::optional<Contact>, 2 * Dim> sides_;  // x_min, x_max, y_min, ...
   std::array<std::string, 2 * Dim> where_;             // their places in the scene
