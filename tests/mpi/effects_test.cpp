@@ -2,6 +2,8 @@
 // closed forms that don't know how many ranks there are.
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/effects/gravity/gravity.hpp"
 #include "mpm_hpc/effects/grips/grip.hpp"
@@ -88,65 +90,63 @@ TYPED_TEST(Effects, WallsActOnTheirSidesOnly) {
   EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-13 * before.energy);
 }
 
-// Nodes with mass on both sides: a node and its images get the common velocity, turned about each side, that the momentum
-// along a slip side and all of the reaction's sums agree with.
+// Nodes with mass on both sides: a node and its images get the common velocity, turned about each side, that keeps the
+// momentum of this motion.
 TYPED_TEST(Effects, WallsReflect) {
   USE_FIXTURE;
-  auto walls = this->template make<Walls<Dim>>("walls", "x_min = \"slip\"\nx_max = \"sticky\"\ny_min = \"slip\"\ny_max = \"slip\"");
+  auto walls = this->template make<Walls<Dim>>(
+      "walls", "x_min = \"slip\"\nx_max = \"sticky\"\ny_min = \"slip\"\ny_max = \"slip\"");
   this->fill_bodies();
   this->distribute();
-  this->for_nodes([&](const V& x, T* values) {
-    for (int a = 0; a < Dim; ++a) values[a] = T(0.3 * (a + 1) - x[a] * x[0] + 0.1 * x[1]);
-    values[Dim] = T(1 + x.squaredNorm() + x[0]);
-  });
-  const auto before = this->totals();
-  this->run_grid();
-  const Real h = this->h;
-  // The expected velocity: the mean over the images, from formulas of the fields above.
-  auto start = [&](const V& x) {
+  auto start = [](const V& x) {
     V v;
     for (int a = 0; a < Dim; ++a) v[a] = T(0.3 * (a + 1) - x[a] * x[0] + 0.1 * x[1]);
     return v;
   };
   auto mass = [](const V& x) { return 1 + x.squaredNorm() + x[0]; };
+  this->for_nodes([&](const V& x, T* values) {
+    for (int a = 0; a < Dim; ++a) values[a] = T(start(x)[a]);
+    values[Dim] = T(mass(x));
+  });
+  const auto before = this->totals();
+  this->run_grid();
   Real checked = 0;
   this->for_nodes([&](const V& x, const T* values) {
-    const auto near = [&](Real y, Real side) { return std::abs(y - side) < 1.25 * h; };
-    const bool low = near(x[0], 0), high = near(x[0], 1), floor = near(x[1], 0), ceiling = near(x[1], 1);
-    const bool corner_missing = (x[0] < -1.25 * h || x[0] > 1 + 1.25 * h || x[1] < -1.25 * h || x[1] > 1 + 1.25 * h);
-    if (corner_missing) return;
-    // All images of this node, each with what turns its velocity into this one's.
+    const Real reach = 1.25 * this->h;  // nodes farther outside have no images
+    if (std::min(x[0], x[1]) < -reach || std::max(x[0], x[1]) > 1 + reach) return;
+    // 2 times the place of the side next to the node in x and y, if there is one.
+    std::optional<Real> twice[2];
+    for (int a = 0; a < 2; ++a)
+      for (const Real side : {0.0, 1.0})
+        if (std::abs(x[a] - side) < reach) twice[a] = 2 * side;
     V momentum = V::Zero();
     Real sum = 0;
-    for (const bool turn_x : {false, true})
-      for (const bool turn_y : {false, true}) {
-        if ((turn_x && !low && !high) || (turn_y && !floor && !ceiling)) continue;
-        V y = x, R = V::Ones();
-        if (turn_x) {
-          y[0] = (high ? 2 : 0) - x[0];
-          if (high) {
-            R = -R;
-          } else {
-            R[0] = -1;
-          }
+    for (int turns = 0; turns < 4; ++turns) {
+      if (((turns & 1) && !twice[0]) || ((turns & 2) && !twice[1])) continue;
+      V image = x, R = V::Ones();
+      for (int a = 0; a < 2; ++a) {
+        if (!(turns >> a & 1)) continue;
+        image[a] = *twice[a] - x[a];
+        if (a == 0 && *twice[a] == 2) {
+          R = -R;
+        } else {
+          R[a] = -R[a];
         }
-        if (turn_y) {
-          y[1] = (ceiling ? 2 : 0) - x[1];
-          R[1] *= -1;
-        }
-        momentum += mass(y) * R.cwiseProduct(start(y));
-        sum += mass(y);
       }
+      momentum += mass(image) * R.cwiseProduct(start(image));
+      sum += mass(image);
+    }
     ++checked;
-    EXPECT_LT((this->velocity_of(values) - momentum / sum).norm(), 10 * this->tolerance) << x.transpose();
+    EXPECT_LT((this->velocity_of(values) - momentum / sum).norm(), 10 * tolerance) << x.transpose();
   });
   EXPECT_GT(state.communicator().sum(checked), 0);
   const auto after = this->totals();
   const V force = (after.momentum - before.momentum) / state.dt;
   EXPECT_LT((this->reaction(*walls, "walls") - force).norm(), 1e-12 * force.norm());
   EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-12 * before.energy);
+  // What moves like its images already gets nothing.
   this->run_grid();
-  EXPECT_LT(this->reaction(*walls, "walls").norm(), 100 * this->tolerance * force.norm());
+  EXPECT_LT(this->reaction(*walls, "walls").norm(), 100 * tolerance * force.norm());
 }
 
 // Friction takes from the momentum along the wall what it may by the impulse across, and no more than there is.
@@ -157,7 +157,8 @@ TYPED_TEST(Effects, AMirrorRubs) {
   this->distribute();
   const Real h = this->h;
   for (const Real along : {1.0, 0.05}) {
-    this->set_nodes_where([&](const V& x) { return std::abs(x[1]) < 1.5 * h; }, this->vec(0.6 * along, -0.4, 0.8 * along), 2);
+    this->set_nodes_where([&](const V& x) { return std::abs(x[1]) < 1.5 * h; }, this->vec(0.6 * along, -0.4, 0.8 * along),
+                          2);
     const Real speed = Dim == 2 ? 0.6 * along : along;
     const auto before = this->totals();
     this->run_grid();
@@ -169,6 +170,28 @@ TYPED_TEST(Effects, AMirrorRubs) {
     tangential[1] = 0;
     EXPECT_NEAR(tangential.norm(), std::min(0.25 * 0.4, speed) * before.mass, 10 * this->tolerance * before.mass);
   }
+}
+
+// A grip that ends at a wall takes the nodes beyond along.
+TYPED_TEST(Effects, NodesBeyondFollowAGrip) {
+  USE_FIXTURE;
+  auto walls = this->template make<Walls<Dim>>("walls", "y_min = \"slip\"");
+  auto grip = this->template make<Grip<Dim>>("grip", "name = \"foot\"\nshape = {type = \"box\", lower = " +
+                                                         this->list(-1, 0, -1) + ", upper = " + this->list(2, 0.2, 2) +
+                                                         "}\ndirections = [\"x\"]\nvelocity = " +
+                                                         this->list(0.5, 0, 0));
+  this->fill_bodies();
+  this->distribute();
+  this->set_nodes_where([&](const V& x) { return std::abs(x[1]) < 1.5 * this->h; }, this->vec(1, -0.4, 2), 2);
+  const auto before = this->totals();
+  this->run_grid();
+  this->for_nodes([&](const V& x, const T* values) {
+    if (values[Dim] == 0) return;
+    EXPECT_LT((this->velocity_of(values) - this->vec(0.5, 0, 2)).norm(), tolerance) << x.transpose();
+  });
+  const V given = (this->totals().momentum - before.momentum) / state.dt;
+  const V told = this->reaction(*walls, "walls") + this->reaction(*grip, "foot");
+  EXPECT_LT((given - told).norm(), 1e-12 * given.norm());
 }
 
 // A block on a floor under gravity decelerates with mu g until it rests; the floor carries its weight.
