@@ -33,8 +33,8 @@ std::vector<EffectEntry<Dim>> effect_list() {
       once<PhaseField<Dim>, Dim>("phase_field", "Phase-field fracture of bodies whose material has a toughness."),
       once<ThresholdDamage<Dim>, Dim>("threshold_damage",
                                       "Damage of each particle by itself past a largest principal stress."),
-      several<Obstacle<Dim>, Dim>("obstacle", "Rigid obstacle given by a shape, at rest or moving."),
       once<Walls<Dim>, Dim>("walls", "Conditions on the sides of the domain."),
+      several<Obstacle<Dim>, Dim>("obstacle", "Rigid obstacle given by a shape, at rest or moving."),
       several<Grip<Dim>, Dim>("grip", "Region whose material moves with a prescribed velocity."),
   };
 }

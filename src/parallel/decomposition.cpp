@@ -9,6 +9,9 @@ namespace mpm {
 template <int Dim>
 Decomposition<Dim>::Decomposition(const GridGeometry<Dim>& grid, Partitioner partitioner)
     : grid_(grid), partitioner_(partitioner) {
+  // Nodes one and a half spacings inside of the upper side, the farthest that have images, are to count as inside.
+  for (int a = 0; a < Dim; ++a)
+    last_home_[a] = std::max(first_home_, (grid.margin + grid.cells()[a] - 2) / block_side);
   for (shift_ = 0;; ++shift_) {
     entries_ = 1;
     for (int a = 0; a < Dim; ++a) {

@@ -44,7 +44,7 @@ typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vecto
   for (const Body<Dim>& body : bodies)
     for (Index p = 0; p < body.particles.size(); ++p) {
       if (body.is_padding(p)) continue;
-      const GlobalIndex block = decomposition_.coarse_index(block_of(body, p));
+      const GlobalIndex block = decomposition_.coarse_index(decomposition_.home(block_of(body, p)));
       if (block != last) sum = &sums[block];
       last = block;
       *sum += factor;

@@ -197,7 +197,7 @@ void read_newton(Parameters& p, TimeOptions& time) {
                         : projection == "never" ? Projection::never
                                                 : Projection::automatic;
     time.implicit.matrix_free = form == "matrix_free";
-    if (p.has("newton") && !time.is_implicit())
+    if (!p.describing() && p.has("newton") && !time.is_implicit())
       p.error_at("newton", "explicit steps solve no equations; choose time.integrator = \"implicit\" or \"quasi_static\", or "
                      "drop [newton].");
   });

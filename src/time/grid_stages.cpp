@@ -245,6 +245,7 @@ void GridStages<Dim>::to_grid(State<Dim>& state, Stress stress) {
 template <int Dim>
 void GridStages<Dim>::on_grid(State<Dim>& state) {
   run(state, hooks_.on_grid);
+  run(state, hooks_.end_of_grid);
 }
 
 template <int Dim>

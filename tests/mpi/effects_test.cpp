@@ -2,6 +2,8 @@
 // closed forms that don't know how many ranks there are.
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/effects/gravity/gravity.hpp"
 #include "mpm_hpc/effects/grips/grip.hpp"
@@ -35,7 +37,7 @@ TYPED_TEST(Effects, GravityGivesWeightTimesTimeAndLeavesEmptyNodesAlone) {
   this->distribute();
   this->set_nodes();
   const auto before = this->totals();
-  this->run(this->hooks.on_grid);
+  this->run_grid();
   const auto after = this->totals();
   const V impulse = before.mass * state.dt * this->vec(1, -9.81, 2);
   EXPECT_LT((after.momentum - before.momentum - impulse).norm(), tolerance * before.mass);
@@ -58,11 +60,12 @@ TYPED_TEST(Effects, WallsActOnTheirSidesOnly) {
   // the upper half x_max takes what points outwards, and friction 0.4 of it from the rest, after which y_max
   // has nothing to do.
   const V v = this->vec(1, -0.5, 0);
-  this->set_nodes_where([](const V&) { return true; }, v, 2);
+  this->set_nodes_where([&](const V& x) { return state.geometry().contains(x); }, v, 2);
   const auto before = this->totals();
-  this->run(this->hooks.on_grid);
+  this->run_grid();
   std::vector<Real> seen(4, 0.0);
   this->for_nodes([&](const V& x, const T* values) {
+    if (values[Dim] == 0) return;
     V expected = v;
     int kind = 3;
     if (x[0] <= 0) {
@@ -87,6 +90,110 @@ TYPED_TEST(Effects, WallsActOnTheirSidesOnly) {
   EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-13 * before.energy);
 }
 
+// Nodes with mass on both sides: a node and its images get the common velocity, turned about each side, that keeps the
+// momentum of this motion.
+TYPED_TEST(Effects, WallsReflect) {
+  USE_FIXTURE;
+  auto walls = this->template make<Walls<Dim>>(
+      "walls", "x_min = \"slip\"\nx_max = \"sticky\"\ny_min = \"slip\"\ny_max = \"slip\"");
+  this->fill_bodies();
+  this->distribute();
+  auto start = [](const V& x) {
+    V v;
+    for (int a = 0; a < Dim; ++a) v[a] = T(0.3 * (a + 1) - x[a] * x[0] + 0.1 * x[1]);
+    return v;
+  };
+  auto mass = [](const V& x) { return 1 + x.squaredNorm() + x[0]; };
+  this->for_nodes([&](const V& x, T* values) {
+    for (int a = 0; a < Dim; ++a) values[a] = T(start(x)[a]);
+    values[Dim] = T(mass(x));
+  });
+  const auto before = this->totals();
+  this->run_grid();
+  Real checked = 0;
+  this->for_nodes([&](const V& x, const T* values) {
+    const Real reach = 1.25 * this->h;  // nodes farther outside have no images
+    if (std::min(x[0], x[1]) < -reach || std::max(x[0], x[1]) > 1 + reach) return;
+    // 2 times the place of the side next to the node in x and y, if there is one.
+    std::optional<Real> twice[2];
+    for (int a = 0; a < 2; ++a)
+      for (const Real side : {0.0, 1.0})
+        if (std::abs(x[a] - side) < reach) twice[a] = 2 * side;
+    V momentum = V::Zero();
+    Real sum = 0;
+    for (int turns = 0; turns < 4; ++turns) {
+      if (((turns & 1) && !twice[0]) || ((turns & 2) && !twice[1])) continue;
+      V image = x, R = V::Ones();
+      for (int a = 0; a < 2; ++a) {
+        if (!(turns >> a & 1)) continue;
+        image[a] = *twice[a] - x[a];
+        if (a == 0 && *twice[a] == 2) {
+          R = -R;
+        } else {
+          R[a] = -R[a];
+        }
+      }
+      momentum += mass(image) * R.cwiseProduct(start(image));
+      sum += mass(image);
+    }
+    ++checked;
+    EXPECT_LT((this->velocity_of(values) - momentum / sum).norm(), 10 * tolerance) << x.transpose();
+  });
+  EXPECT_GT(state.communicator().sum(checked), 0);
+  const auto after = this->totals();
+  const V force = (after.momentum - before.momentum) / state.dt;
+  EXPECT_LT((this->reaction(*walls, "walls") - force).norm(), 1e-12 * force.norm());
+  EXPECT_NEAR(this->external_work(), after.energy - before.energy, 1e-12 * before.energy);
+  // What moves like its images already gets nothing.
+  this->run_grid();
+  EXPECT_LT(this->reaction(*walls, "walls").norm(), 100 * tolerance * force.norm());
+}
+
+// Friction takes from the momentum along the wall what it may by the impulse across, and no more than there is.
+TYPED_TEST(Effects, AMirrorRubs) {
+  USE_FIXTURE;
+  auto walls = this->template make<Walls<Dim>>("walls", "y_min = \"slip\"\nfriction = 0.25");
+  this->fill_bodies();
+  this->distribute();
+  const Real h = this->h;
+  for (const Real along : {1.0, 0.05}) {
+    this->set_nodes_where([&](const V& x) { return std::abs(x[1]) < 1.5 * h; }, this->vec(0.6 * along, -0.4, 0.8 * along),
+                          2);
+    const Real speed = Dim == 2 ? 0.6 * along : along;
+    const auto before = this->totals();
+    this->run_grid();
+    const auto after = this->totals();
+    // The three layers of nodes at the wall lose all of their momentum across; friction acts on each by its own part.
+    const V lost = before.momentum - after.momentum;
+    EXPECT_NEAR(lost[1], -0.4 * before.mass, this->tolerance * before.mass);
+    V tangential = lost;
+    tangential[1] = 0;
+    EXPECT_NEAR(tangential.norm(), std::min(0.25 * 0.4, speed) * before.mass, 10 * this->tolerance * before.mass);
+  }
+}
+
+// A grip that ends at a wall takes the nodes beyond along.
+TYPED_TEST(Effects, NodesBeyondFollowAGrip) {
+  USE_FIXTURE;
+  auto walls = this->template make<Walls<Dim>>("walls", "y_min = \"slip\"");
+  auto grip = this->template make<Grip<Dim>>("grip", "name = \"foot\"\nshape = {type = \"box\", lower = " +
+                                                         this->list(-1, 0, -1) + ", upper = " + this->list(2, 0.2, 2) +
+                                                         "}\ndirections = [\"x\"]\nvelocity = " +
+                                                         this->list(0.5, 0, 0));
+  this->fill_bodies();
+  this->distribute();
+  this->set_nodes_where([&](const V& x) { return std::abs(x[1]) < 1.5 * this->h; }, this->vec(1, -0.4, 2), 2);
+  const auto before = this->totals();
+  this->run_grid();
+  this->for_nodes([&](const V& x, const T* values) {
+    if (values[Dim] == 0) return;
+    EXPECT_LT((this->velocity_of(values) - this->vec(0.5, 0, 2)).norm(), tolerance) << x.transpose();
+  });
+  const V given = (this->totals().momentum - before.momentum) / state.dt;
+  const V told = this->reaction(*walls, "walls") + this->reaction(*grip, "foot");
+  EXPECT_LT((given - told).norm(), 1e-12 * given.norm());
+}
+
 // A block on a floor under gravity decelerates with mu g until it rests; the floor carries its weight.
 TYPED_TEST(Effects, ABlockSlidesToRestByFriction) {
   USE_FIXTURE;
@@ -99,7 +206,7 @@ TYPED_TEST(Effects, ABlockSlidesToRestByFriction) {
   const auto before = this->totals();
   const V unit = start.normalized();
   for (int step = 1; step <= 20; ++step) {
-    this->run(this->hooks.on_grid);
+    this->run_grid();
     if (step == 10) {  // 1 - mu g t = 1 - 2.5 * 0.1
       EXPECT_LT((this->totals().momentum - before.mass * 0.75 * unit).norm(), tolerance * before.mass);
     }
@@ -109,14 +216,14 @@ TYPED_TEST(Effects, ABlockSlidesToRestByFriction) {
             tolerance * weight.norm());
   EXPECT_EQ(this->reaction(*walls, "walls"), V::Zero());  // no step since the last row
   for (int step = 1; step <= 20; ++step) {
-    this->run(this->hooks.on_grid);
+    this->run_grid();
     if (step == 5) this->reaction(*walls, "walls");
   }
   // Speed 0.5 is gone after 20 more steps; a row that starts after 5 of them averages over the other 15.
   EXPECT_LT(this->totals().momentum.norm(), 10 * tolerance * before.mass);
   EXPECT_LT((this->reaction(*walls, "walls") - weight + 2.5 * before.mass * unit).norm(),
             10 * tolerance * weight.norm());
-  this->run(this->hooks.on_grid);
+  this->run_grid();
   EXPECT_LT((this->reaction(*walls, "walls") - weight).norm(), 1e4 * tolerance * weight.norm());
   EXPECT_NEAR(this->external_work(), -before.energy, 10 * tolerance * before.energy);
 }
@@ -143,7 +250,7 @@ TYPED_TEST(Effects, AStickyObstacleCarriesItsNodesAlong) {
     }
   });
   const auto marked = this->totals();
-  this->run(this->hooks.on_grid);
+  this->run_grid();
   Real worst = 0;
   this->for_nodes([&](const V& x, const T* values) {
     V expected;
@@ -183,7 +290,7 @@ TYPED_TEST(Effects, AMovingSlopeSlipsAndSeparates) {
       for (int a = 0; a < Dim; ++a) values[a] = T(v[a]);
       values[Dim] = T(1.5);
     });
-    this->run(this->hooks.on_grid);
+    this->run_grid();
     this->for_nodes([&](const V& x, const T* values) {
       const bool stopped = approach < 0 && normal.dot(x - center) <= 1e-9;
       const V relative = stopped ? V(1.5 * along) : V(2 * along + approach * normal);
@@ -203,7 +310,7 @@ TYPED_TEST(Effects, AGripEnforcesTheChosenComponents) {
   this->set_nodes();
   state.time = 0.25;  // the region's lower face is at 0.75 + 2 * 0.25^2 / (2 * 0.5) = 0.875, a plane of nodes
   const auto before = this->totals();
-  this->run(this->hooks.on_grid);
+  this->run_grid();
   Real gripped = 0;
   this->for_nodes([&](const V& x, const T* values) {
     V expected;
@@ -232,7 +339,7 @@ TYPED_TEST(Effects, ReactionsAverageOverStepsAndSurviveARestart) {
   auto stop = [&](Real speed, Real dt) {
     this->set_nodes_where([](const V& x) { return x[1] == 0; }, this->vec(speed, 0, 0), 0.5);
     state.dt = dt;
-    this->run(this->hooks.on_grid);
+    this->run_grid();
   };
   stop(1, 0.01);
   std::map<std::string, std::vector<Real>> numbers;

@@ -2,15 +2,11 @@
 // sorts, migration and both halo exchanges included.
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
 #include <cstdio>
-#include <map>
 
 #include "mpm_hpc/time/explicit_integrator.hpp"
-#include "mpm_hpc/transfer/reference_transfer.hpp"
-#include "support/all_ranks.hpp"
 #include "support/mpi_test.hpp"
-#include "support/scene_world.hpp"
+#include "support/plain_steps.hpp"
 
 using namespace mpm;
 
@@ -50,71 +46,13 @@ std::string scene_text(const Names& names) {
              Dim == 2 ? "" : ", 0");
 }
 
-template <int Dim>
-struct Record {
-  GlobalIndex id;
-  Real x[Dim], v[Dim], C[Dim * Dim], F[Dim * Dim], mass, volume;
-};
-
-template <int Dim>
-std::map<GlobalIndex, ModalParticle<Dim>> gather(test::SceneWorld<Dim>& world) {
-  std::vector<Record<Dim>> mine;
-  world.for_particles([&](Body<Dim>& body, Index p) {
-    const FieldSet& f = body.particles;
-    Record<Dim> r{};
-    r.id = f.template data<GlobalIndex>(core::id)[p];
-    for (int a = 0; a < Dim; ++a) {
-      r.x[a] = f.template data<Real>(core::position, a)[p];
-      r.v[a] = f.template data<Real>(core::velocity, a)[p];
-    }
-    for (int c = 0; c < Dim * Dim; ++c) {
-      if (f.has(core::velocity_gradient)) r.C[c] = f.template data<Real>(core::velocity_gradient, c)[p];
-      r.F[c] = f.template data<Real>(core::deformation_gradient, c)[p];
-    }
-    r.mass = f.template data<Real>(core::mass)[p];
-    r.volume = f.template data<Real>(core::volume)[p];
-    mine.push_back(r);
-  });
-  std::map<GlobalIndex, ModalParticle<Dim>> all;
-  for (const Record<Dim>& r : test::gather_all(mine)) {
-    using RowMajor = Eigen::Matrix<Real, Dim, Dim, Eigen::RowMajor>;
-    ModalParticle<Dim> p;
-    p.x = Eigen::Map<const Vec<Dim>>(r.x);
-    p.v = Eigen::Map<const Vec<Dim>>(r.v);
-    p.C = Eigen::Map<const RowMajor>(r.C);
-    p.F = Eigen::Map<const RowMajor>(r.F);
-    p.mass = r.mass;
-    p.volume = r.volume;
-    all.emplace(r.id, p);
-  }
-  return all;
-}
-
-template <class Kernel, class Form, int Dim>
-void plain_step(const GridGeometry<Dim>& geometry, std::vector<ModalParticle<Dim>>& particles,
-                ReferenceGrid<Dim>& grid) {
-  const Real E = youngs_modulus<Kernel>, mu = E / (2 * (1 + poisson_ratio)), lambda = E * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
-  for (auto& p : particles)
-    p.tau = mu * (p.F * p.F.transpose() - Mat<Dim>::Identity()) +
-            lambda * std::log(p.F.determinant()) * Mat<Dim>::Identity();
-  grid.clear();
-  reference_form_to_grid<Kernel, Form>(geometry, particles, dt, grid);
-  for (std::size_t i = 0; i < grid.mass.size(); ++i) {
-    if (grid.mass[i] <= 0) continue;
-    grid.momentum[i] += grid.changes[i];  // FLIP's impulse
-    grid.momentum[i] /= grid.mass[i];
-    grid.changes[i] /= grid.mass[i];
-  }
-  reference_form_to_particle<Kernel, Form>(geometry, grid, dt, particles, flip_blend);
-}
-
 template <class Kernel, Scheme scheme, Forces forces, int Dim>
 void check() {
   const TransferOptions options{.scheme = scheme, .forces = forces};
   const Names names{Kernel::name, options.scheme_name().c_str(), options.forces_name().c_str(), youngs_modulus<Kernel>};
   test::SceneWorld<Dim> world(scene_text<Dim>(names));
   State<Dim>& state = world.state;
-  auto start = gather(world);
+  auto start = test::gather_particles(world);
   std::vector<ModalParticle<Dim>> plain;
   for (const auto& entry : start) plain.push_back(entry.second);
   ExplicitIntegrator<Dim> integrator(state, {}, {});
@@ -126,9 +64,11 @@ void check() {
     const Real drift = state.drift;
     integrator.step(state);
     sorts += state.drift < drift;
-    plain_step<Kernel, TransferForm<scheme, forces>>(state.geometry(), plain, grid);
+    const auto nothing = [](const ReferenceGrid<Dim>&) {};
+    test::plain_step<Kernel, TransferForm<scheme, forces>>(state.geometry(), {youngs_modulus<Kernel>, poisson_ratio}, dt,
+                                                           flip_blend, plain, grid, nothing, nothing);
   }
-  const auto moved = gather(world);
+  const auto moved = test::gather_particles(world);
   ASSERT_EQ(moved.size(), plain.size());
   Real place = 0, deformation = 0, way = 0, strain = 0;
   std::size_t n = 0;

@@ -147,6 +147,10 @@ class EffectsWorld : public testing::Test {
   void run(const std::vector<typename StepHooks<Dim>::Hook>& stage) {
     for (const auto& hook : stage) hook(state);
   }
+  void run_grid() {
+    run(hooks.on_grid);
+    run(hooks.end_of_grid);
+  }
 
   State<Dim> state;
   StepHooks<Dim> hooks;

@@ -36,7 +36,8 @@ class SceneWorld {
     for (FieldId f : summed) state.fields.zero(f);
     run_ranges(hooks.on_p2g);
     state.halo().sum(state.fields, summed);
-    for (const auto& hook : hooks.on_grid) hook(state);
+    for (const auto* stage : {&hooks.on_grid, &hooks.end_of_grid})
+      for (const auto& hook : *stage) hook(state);
     state.halo().fill(state.fields, filled);
     run_ranges(hooks.on_g2p);
   }

@@ -25,6 +25,21 @@ TEST(Manufactured, AlongTheAxesWhereParticlesCrossCells) {
   test::verify(test::manufactured_section, c.name + ": order", c.order, test::at_least(1.8));
 }
 
+// The solution is odd about the sides of the unit box, so slip walls there change nothing.
+TEST(Manufactured, AlongTheAxesBetweenSlipWalls) {
+  std::vector<std::string> walls = {"domain.periodic=[]", "domain.upper=[1, 1]", "body.0.shape.upper=[1, 1]"};
+  for (const std::string side : {"x_min", "x_max", "y_min", "y_max"})
+    walls.push_back("effect.walls." + side + "=slip");
+  for (const Real A : {1e-4, 0.05}) {
+    std::vector<std::string> overrides = walls;
+    overrides.insert(overrides.end(), {fmt::format("define.A={}", A), fine});
+    const test::Convergence c = test::along_axes(fmt::format("between slip walls, A = {}", A), A, spacings, overrides);
+    test::verify(test::manufactured_section, c.name + ": error over amplitude at h = 1/32", c.errors.back() / A,
+                 test::at_most(0.005));
+    test::verify(test::manufactured_section, c.name + ": order", c.order, test::at_least(1.8));
+  }
+}
+
 // At the end the middle of the ring has turned by 0.2 rad.
 TEST(Manufactured, Vortex) {
   const test::Convergence c = test::vortex("quadratic", spacings, {});

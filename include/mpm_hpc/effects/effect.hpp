@@ -14,8 +14,8 @@
 
 namespace mpm {
 
-// Where effects join the step (design: before_p2g | P2G, on_p2g | halo sum | on_grid | halo fill | G2P, on_g2p |
-// after_g2p). Empty hooks cost one test per step.
+// Where effects join the step (design: before_p2g | P2G, on_p2g | halo sum | on_grid, end_of_grid | halo fill | G2P, on_g2p
+// | after_g2p). Empty hooks cost one test per step.
 template <int Dim>
 struct StepHooks {
   using Hook = std::function<void(State<Dim>&)>;
@@ -26,6 +26,7 @@ struct StepHooks {
   std::vector<Hook> before_p2g;
   std::vector<RangeHook> on_p2g;
   std::vector<Hook> on_grid;  // owned nodes hold velocities and mass
+  std::vector<Hook> end_of_grid;  // the same, after all of on_grid: what holds whatever those did
   std::vector<RangeHook> on_g2p;
   std::vector<Hook> after_g2p;
 

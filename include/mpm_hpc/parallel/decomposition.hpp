@@ -1,6 +1,7 @@
 // Which rank owns which part of space.
 #pragma once
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -27,7 +28,13 @@ class Decomposition {
     for (int a = 0; a < Dim; ++a) index = index * counts_[a] + (block[a] >> shift_);
     return index;
   }
-  int owner(const IntVec<Dim>& block) const { return owners_[coarse_index(block)]; }
+  // The block whose owner a block shares: itself, or for one of the margin the nearest block of the domain, so that a node
+  // beyond a side and its mirror image inside have one owner.
+  IntVec<Dim> home(IntVec<Dim> block) const {
+    for (int a = 0; a < Dim; ++a) block[a] = std::clamp(block[a], first_home_, last_home_[a]);
+    return block;
+  }
+  int owner(const IntVec<Dim>& block) const { return owners_[coarse_index(home(block))]; }
 
   // Partitions anew on rank 0 from the ranks' weights, and renames the parts so that little weight leaves its
   // present owner. Keeps the present owners unless the new imbalance is at least `gain` better (always, when there are
@@ -48,6 +55,8 @@ class Decomposition {
  private:
   GridGeometry<Dim> grid_;
   IntVec<Dim> counts_ = IntVec<Dim>::Zero();  // coarse blocks per direction
+  static constexpr std::int32_t first_home_ = GridGeometry<Dim>::margin / block_side;
+  IntVec<Dim> last_home_ = IntVec<Dim>::Constant(first_home_);
   int shift_ = 0;
   Partitioner partitioner_ = Partitioner::automatic;
   GlobalIndex entries_ = 0;

@@ -2,12 +2,22 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "mpm_hpc/base/error.hpp"
 #include "mpm_hpc/effects/boundary/node_loop.hpp"
 
 namespace mpm {
+
+namespace {
+
+template <int Dim>
+Vec<Dim> inward(int side) {
+  return (side % 2 ? -1.0 : 1.0) * Vec<Dim>::Unit(side / 2);
+}
+
+}  // namespace
 
 template <int Dim>
 Walls<Dim>::Walls(Parameters& p) : reaction_("walls", p.where()) {
@@ -39,13 +49,21 @@ template <int Dim>
 std::string Walls<Dim>::explain() const {
   std::vector<std::string> parts;
   for (int side = 0; side < 2 * Dim; ++side)
-    if (sides_[side]) parts.push_back(fmt::format("{} {}", domain_side_name(side), sides_[side]->describe()));
+    if (sides_[side]) {
+      const bool first_order = sides_[side]->condition != ContactCondition::separate && !mirrors_.has(side);
+      parts.push_back(fmt::format(
+          "{} {}{}", domain_side_name(side), sides_[side]->describe(),
+          first_order ? " (no mirror, since the domain is no multiple of h/2 long, or shorter than 4 h: "
+                        "of first order)"
+                      : ""));
+    }
   return fmt::format("walls: {}", fmt::join(parts, ", "));
 }
 
 template <int Dim>
 void Walls<Dim>::declare_fields(State<Dim>& state) {
   reaction_.declare(state);
+  find_mirrors(state.geometry());
   for (int side = 0; side < 2 * Dim; ++side) {
     if (!sides_[side]) continue;
     require(!state.geometry().periodic(side / 2),
@@ -58,15 +76,18 @@ void Walls<Dim>::declare_fields(State<Dim>& state) {
 }
 
 template <int Dim>
-void Walls<Dim>::join(StepHooks<Dim>& hooks) {
-  if (hooks.implicit) {
-    hooks.constraints.push_back([this](State<Dim>& state, NodeConstraints<Dim>& c) { constrain(state, c); });
-    return;
+void Walls<Dim>::find_mirrors(const GridGeometry<Dim>& grid) {
+  for (int side = 0; side < 2 * Dim; ++side) {
+    const int a = side / 2;
+    const Real plane =
+        ((side % 2 ? grid.upper()[a] : grid.lower()[a]) - grid.origin()[a]) * grid.inverse_spacing();
+    limit_[side] = static_cast<std::int32_t>(side % 2 ? std::ceil(plane - surface_tolerance)
+                                                      : std::floor(plane + surface_tolerance));
+    if (sides_[side]) mirrors_.add(grid, side, sides_[side]->condition);
   }
-  hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
 }
 
-// The nodes on and beyond each plane.
+// The nodes on and beyond each plane: the equations of an implicit step don't know of mirrors.
 template <int Dim>
 void Walls<Dim>::constrain(State<Dim>& state, NodeConstraints<Dim>& constraints) {
   constraints.begin(reaction_);
@@ -89,41 +110,153 @@ void Walls<Dim>::constrain(State<Dim>& state, NodeConstraints<Dim>& constraints)
 }
 
 template <int Dim>
-void Walls<Dim>::act(State<Dim>& state) {
-  // The first node on or beyond each plane, counted outwards.
-  const GridGeometry<Dim>& grid = state.geometry();
-  std::array<std::int32_t, 2 * Dim> limit{};
-  for (int a = 0; a < Dim; ++a) {
-    const Real low = (grid.lower()[a] - grid.origin()[a]) * grid.inverse_spacing();
-    const Real high = (grid.upper()[a] - grid.origin()[a]) * grid.inverse_spacing();
-    limit[2 * a] = static_cast<std::int32_t>(std::floor(low + surface_tolerance));
-    limit[2 * a + 1] = static_cast<std::int32_t>(std::ceil(high - surface_tolerance));
+void Walls<Dim>::join(StepHooks<Dim>& hooks) {
+  if (hooks.implicit) {
+    hooks.constraints.push_back([this](State<Dim>& state, NodeConstraints<Dim>& c) { constrain(state, c); });
+    return;
   }
-  auto reached = [&](int side, int node) { return side % 2 ? node >= limit[side] : node <= limit[side]; };
+  if (mirrors_.any()) hooks.on_grid.push_back([this](State<Dim>& state) { reflect(state); });
+  hooks.end_of_grid.push_back([this](State<Dim>& state) { finish(state); });
+}
 
-  Exchange<Dim> exchange;
+// The common velocity of a group, sum m R v / sum m, which keeps its momentum.
+template <int Dim>
+template <class T>
+Vec<Dim> Walls<Dim>::mean(const Group& group, const T* masses, const T* velocities) const {
+  Vec<Dim> momentum = Vec<Dim>::Zero();
+  Real mass = 0;
+  const Member* members = mirrors_.members(group);
+  for (int i = 0; i < group.count; ++i) {
+    const std::size_t node = static_cast<std::size_t>(members[i].node) * node_values;
+    const Real m = masses[node + Dim];
+    for (int a = 0; a < Dim; ++a)
+      momentum[a] += (Mirrors<Dim>::in(members[i].turned, a) ? -m : m) * velocities[node + a];
+    mass += m;
+  }
+  for (int a = 0; a < Dim; ++a)
+    if (Mirrors<Dim>::in(group.vanishing, a)) momentum[a] = 0;
+  return momentum / mass;
+}
+
+// The velocity of a group after friction with the mirrors next to it.
+template <int Dim>
+template <class T>
+Vec<Dim> Walls<Dim>::rubbed(const Group& group, const T* nodes, Vec<Dim> velocity) const {
+  for (int a = 0; a < Dim; ++a) {
+    if (group.side[a] < 0 || sides_[group.side[a]]->friction == 0) continue;
+    Real impulse = 0, mass = 0;
+    const Member* members = mirrors_.members(group);
+    for (int i = 0; i < group.count; ++i) {
+      const T* values = nodes + static_cast<std::size_t>(members[i].node) * node_values;
+      const Real m = values[Dim];
+      impulse += m * ((Mirrors<Dim>::in(members[i].turned, a) ? -velocity[a] : velocity[a]) - values[a]);
+      mass += m;
+    }
+    const Real along = velocity[a];
+    velocity[a] = 0;
+    const Real momentum = mass * velocity.norm();
+    if (momentum > 0)
+      velocity *= std::max(0.0, 1 - sides_[group.side[a]]->friction * std::abs(impulse) / momentum);
+    velocity[a] = along;
+  }
+  return velocity;
+}
+
+// Sets the velocities of a group's nodes with mass from that of the first.
+template <int Dim>
+template <class T>
+void Walls<Dim>::give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity,
+                      Exchange<Dim>& exchange) const {
+  const Member* members = mirrors_.members(group);
+  for (int i = 0; i < group.count; ++i) {
+    const std::size_t node = static_cast<std::size_t>(members[i].node) * node_values;
+    const Real mass = masses[node + Dim];
+    if (mass == 0) continue;
+    Vec<Dim> turned = velocity;
+    for (int a = 0; a < Dim; ++a)
+      if (Mirrors<Dim>::in(members[i].turned, a)) turned[a] = -turned[a];
+    exchange.set_velocity(velocities + node, turned, mass);
+  }
+}
+
+template <int Dim>
+void Walls<Dim>::reflect(State<Dim>& state) {
+  mirrors_.find_groups(state);
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    for (Slot s = 0; s < state.topology().owned(); ++s) {
-      const IntVec<Dim> first = state.topology().first_node(s);
-      bool touched = false;
-      for (int side = 0; side < 2 * Dim; ++side)
-        touched =
-            touched || (sides_[side] && reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0)));
-      if (!touched) continue;
-      for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
-        Vec<Dim> velocity;
-        for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
-        for (int side = 0; side < 2 * Dim; ++side)
-          if (sides_[side] && reached(side, node[side / 2])) {
-            const Vec<Dim> inward = (side % 2 ? -1.0 : 1.0) * Vec<Dim>::Unit(side / 2);
-            velocity = sides_[side]->apply(inward, velocity);
-          }
-        exchange.set_velocity(values, velocity);
-      });
+    T* nodes = state.fields.template data<T>(state.nodes);
+    T* changes = state.transfer.increments() ? state.fields.template data<T>(state.changes) : nullptr;
+    Exchange<Dim> before;
+    for (const Group& group : mirrors_.groups()) {
+      if (nodes[static_cast<std::size_t>(mirrors_.members(group)->node) * node_values + Dim] == 0) continue;
+      // With increments, these are the velocities before the forces, from which the change is measured.
+      if (changes) give<T>(group, nodes, changes, mean<T>(group, nodes, changes), before);
+      give<T>(group, nodes, nodes, rubbed<T>(group, nodes, mean<T>(group, nodes, nodes)), exchange_);
     }
+    // What particles with increments keep of their own velocity the wall doesn't take from them.
+    exchange_.add(before, -state.transfer.flip_blend);
   });
-  reaction_.add(state, exchange);
+}
+
+// The sides that are no mirrors.
+template <int Dim>
+template <class T>
+void Walls<Dim>::touch(State<Dim>& state) {
+  auto reached = [&](int side, int node) {
+    return sides_[side] && !mirrors_.has(side) && (side % 2 ? node >= limit_[side] : node <= limit_[side]);
+  };
+  for (Slot s = 0; s < state.topology().owned(); ++s) {
+    const IntVec<Dim> first = state.topology().first_node(s);
+    bool touched = false;
+    for (int side = 0; side < 2 * Dim; ++side)
+      touched = touched || reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0));
+    if (!touched) continue;
+    for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
+      Vec<Dim> velocity;
+      for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
+      for (int side = 0; side < 2 * Dim; ++side)
+        if (reached(side, node[side / 2])) velocity = sides_[side]->apply(inward<Dim>(side), velocity);
+      exchange_.set_velocity(values, velocity);
+    });
+  }
+}
+
+// The nodes beyond the mirrors once more, after what obstacles and grips did to those inside.
+template <int Dim>
+template <class T>
+void Walls<Dim>::follow(State<Dim>& state) {
+  mirrors_.find_groups(state);
+  T* nodes = state.fields.template data<T>(state.nodes);
+  const auto stop = [&](const Member& member) {
+    T* values = nodes + static_cast<std::size_t>(member.node) * node_values;
+    if (values[Dim] == 0) return;
+    Vec<Dim> velocity;
+    for (int a = 0; a < Dim; ++a) velocity[a] = Mirrors<Dim>::in(member.stopped, a) ? 0 : values[a];
+    exchange_.set_velocity(values, velocity);
+  };
+  for (const Group& group : mirrors_.groups()) {
+    const Member* members = mirrors_.members(group);
+    const T* first = nodes + static_cast<std::size_t>(members->node) * node_values;
+    if (first[Dim] == 0) {
+      std::for_each(members + 1, members + group.count, stop);
+      continue;
+    }
+    Vec<Dim> velocity;
+    for (int a = 0; a < Dim; ++a) velocity[a] = Mirrors<Dim>::in(group.vanishing, a) ? 0 : first[a];
+    give<T>(group, nodes, nodes, velocity, exchange_);
+  }
+  std::for_each(mirrors_.far_nodes().begin(), mirrors_.far_nodes().end(), stop);
+}
+
+template <int Dim>
+void Walls<Dim>::finish(State<Dim>& state) {
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    touch<T>(state);
+    follow<T>(state);
+  });
+  reaction_.add(state, exchange_);
+  exchange_ = {};
 }
 
 template class Walls<2>;

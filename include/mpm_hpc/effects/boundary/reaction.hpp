@@ -25,7 +25,10 @@ struct Exchange {
   // Sets the velocity in a node's values and notes what the stored (rounded) velocities say.
   template <class T>
   void set_velocity(T* values, const Vec<Dim>& velocity) {
-    const Real mass = values[Dim];
+    set_velocity(values, velocity, values[Dim]);
+  }
+  template <class T>
+  void set_velocity(T* values, const Vec<Dim>& velocity, Real mass) {
     for (int a = 0; a < Dim; ++a) {
       const Real before = values[a];
       values[a] = static_cast<T>(velocity[a]);
@@ -33,6 +36,10 @@ struct Exchange {
       impulse[a] += given;
       work += given * (before + after) / 2;
     }
+  }
+  void add(const Exchange& other, Real factor) {
+    impulse += factor * other.impulse;
+    work += factor * other.work;
   }
 };
 

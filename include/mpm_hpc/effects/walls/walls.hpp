@@ -6,11 +6,23 @@
 
 #include "mpm_hpc/effects/boundary/contact.hpp"
 #include "mpm_hpc/effects/boundary/reaction.hpp"
+#include "mpm_hpc/effects/walls/mirrors.hpp"
 
 namespace mpm {
 
-// Acts on the nodes on and beyond each side's plane; where sides meet, one after the other in the order
-// x_min, x_max, y_min, ...
+// Slip and sticky sides are mirrors: the particles behave as if there were others beyond, moving as their images, so that the
+// velocity is linear up to the side and vanishes there by interpolation. The nodes beyond and their images inside get the
+// common velocity that keeps the momentum of this motion, before obstacles and grips act on them; after those the nodes beyond
+// follow once more, so that nothing takes the material off its wall.
+//
+// A side that isn't a mirror acts on the nodes on and beyond its plane, and comes last: one whose plane doesn't map nodes to
+// nodes, of first order in the spacing, and `separate`, whose material is free to leave. A mirror would have to know of a
+// column of nodes along the normal whether the wall pushes or would pull; by single nodes, contact would be open on some of
+// the column and closed on others. Where sides meet, those that aren't mirrors act one after the other in the order x_min,
+// x_max, y_min, ...
+//
+// Friction takes from the tangential momentum of a node and its images at most the coefficient times the normal impulse that the
+// wall gave them in the step; over a column of nodes these impulses add up to that of the wall.
 template <int Dim>
 class Walls final : public Effect<Dim> {
  public:
@@ -24,13 +36,32 @@ class Walls final : public Effect<Dim> {
   void restore(const std::map<std::string, std::vector<Real>>& numbers) override {
     reaction_.restore(numbers);
   }
+  MemoryAccount memory() const override { return {{"walls/mirrored nodes", mirrors_.allocated_bytes()}}; }
 
  private:
-  void act(State<Dim>& state);
   void constrain(State<Dim>& state, NodeConstraints<Dim>& constraints);
+  using Member = typename Mirrors<Dim>::Member;
+  using Group = typename Mirrors<Dim>::Group;
+  void find_mirrors(const GridGeometry<Dim>& grid);
+  void reflect(State<Dim>& state);
+  template <class T>
+  Vec<Dim> mean(const Group& group, const T* masses, const T* velocities) const;
+  template <class T>
+  Vec<Dim> rubbed(const Group& group, const T* nodes, Vec<Dim> velocity) const;
+  template <class T>
+  void give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity,
+            Exchange<Dim>& exchange) const;
+  void finish(State<Dim>& state);
+  template <class T>
+  void touch(State<Dim>& state);
+  template <class T>
+  void follow(State<Dim>& state);
 
   std::array<std::optional<Contact>, 2 * Dim> sides_;  // x_min, x_max, y_min, ...
   std::array<std::string, 2 * Dim> where_;             // their places in the scene
+  Mirrors<Dim> mirrors_;
+  std::array<std::int32_t, 2 * Dim> limit_{};  // the first node on or beyond each plane, counted outwards
+  Exchange<Dim> exchange_;                     // of this rank in the step under way
   Reaction<Dim> reaction_;
 };
 
