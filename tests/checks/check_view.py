@@ -112,6 +112,8 @@ def check_block(run):
     expect(result.returncode == 0, f"a block is drawn: exit {result.returncode}, {result.stderr}")
     written = sorted(path.name for path in (run / "pictures").glob("*"))
     expect(written == ["contact_sheet.png", "frame_000001.png", "frame_000003.png"], f"only these: {written}")
+    result = view(run, "--frames", "0", "--box", "5", "6", "5", "6", "5", "6", "--pictures", run / "nothing")
+    expect(result.returncode == 0, f"a view of no particle is drawn: exit {result.returncode}, {result.stderr}")
 
 
 def check_comparison(folder, run):
@@ -146,6 +148,7 @@ def check_refusals(folder, run):
                               ("--column is for several", run, "--column", "dt"),
                               ("--crack-tip is for one", run, run, "--crack-tip"),
                               ("no column mass", run, run, "--column", "mass"),
+                              ("takes 4 numbers", run, "--box", "0", "1", "0", "1", "0", "1"),
                               ("dimensions", run, folder / "block", "--frames", "0"),
                               ("three dimensions", run, "--slice", "z=0")]:
         result = (start if words == "no folder" else view)(*arguments)
