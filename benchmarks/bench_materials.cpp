@@ -5,6 +5,7 @@
 
 #include "counted.hpp"
 #include "elastic_block.hpp"
+#include "material_keys.hpp"
 #include "mpm_hpc/effects/material_columns.hpp"
 #include "mpm_hpc/materials/material_list.hpp"
 #include "mpm_hpc/materials/material_loops.hpp"
@@ -195,35 +196,10 @@ class MaterialBlock {
   Real direction_ = 1, work_ = 0;
 };
 
-// Every model and rule of the scenes, with limits that the block reaches.
-std::vector<std::pair<std::string, std::string>> material_keys() {
-  const std::string elastic = "youngs_modulus = 1e6\npoisson_ratio = 0.3\n", fluid = "bulk_modulus = 1e6\n",
-                    mises = "[plasticity]\nmodel = \"von_mises\"\nyield_stress = 1e4\nhardening_modulus = 1e4\n",
-                    tresca = "[plasticity]\nmodel = \"tresca\"\nyield_stress = 1e4\n",
-                    ellipse = "friction_angle = 0.7\ncohesion = 0.5\ninitial_plastic_volume = 0.99\n";
-  std::vector<std::pair<std::string, std::string>> cases;
-  const auto add = [&cases](const std::string& name, const std::string& model, const std::string& keys) {
-    cases.emplace_back(name, "model = \"" + model + "\"\n" + keys);
-  };
-  for (const char* model : {"neo_hookean", "split_neo_hookean", "fixed_corotated", "hencky", "linear_elastic", "snow"})
-    add(model, model, elastic);
-  add("linear_fluid", "linear_fluid", fluid);
-  add("viscous_fluid", "linear_fluid", fluid + "viscosity = 1\n");
-  add("tait_fluid", "tait_fluid", fluid);
-  add("lazy_liquid", "lazy_liquid", fluid);
-  add("hencky+tresca", "hencky", elastic + tresca);
-  add("hencky+von_mises", "hencky", elastic + mises);
-  add("split_neo_hookean+von_mises", "split_neo_hookean", elastic + mises);
-  add("hencky+drucker_prager", "hencky", elastic + "[plasticity]\nmodel = \"drucker_prager\"\nfriction_angle = 0.5\n");
-  add("hencky+modified_cam_clay", "hencky", elastic + "[plasticity]\nmodel = \"modified_cam_clay\"\n" + ellipse);
-  add("split_neo_hookean+nacc", "split_neo_hookean", elastic + "[plasticity]\nmodel = \"nacc\"\n" + ellipse);
-  return cases;
-}
-
 // What a step asks of a material, stress and advance, over what it asks of neo-Hookean.
 template <int Dim, class T>
 void bench_material(benchmark::State& bench, const Communicator& communicator, int count, const std::string& keys) {
-  MaterialBlock<Dim, T> block(keys, count), neo_hookean(material_keys().front().second, count);
+  MaterialBlock<Dim, T> block(keys, count), neo_hookean(material_keys().front().keys, count);
   for (auto unused : bench) {
     (void)unused;
     const auto times = time_in_turns(communicator, rounds,

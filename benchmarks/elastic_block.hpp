@@ -30,6 +30,8 @@ struct BlockCase {
   TransferOptions transfer = {};
   // So soft that it flies as if free, but in the same steps.
   bool slack = false;
+  // Keys of the material's table, but for the density, in place of `law`.
+  std::string material = {};
 };
 
 inline const char* name_of(PlainLaw law) {
@@ -110,10 +112,12 @@ std::string scene_text(const BlockCase& c) {
       "dimension = {}\nprecision = \"{}\"\n"
       "[domain]\nlower = {}\nupper = {}\n[grid]\nspacing = {}\nkernel = \"{}\"\n"
       "[transfer]\nscheme = \"{}\"\nforces = \"{}\"\n[time]\nend = 1\n"
-      "[material.block]\nmodel = \"{}\"\ndensity = {}\nyoungs_modulus = {}\npoisson_ratio = {}\n",
+      "[material.block]\ndensity = {}\n{}",
       Dim, c.single ? "single" : "double", in_each_direction<Dim>(0), in_each_direction<Dim>(end), spacing,
-      c.transfer.kernel_name(), c.transfer.scheme_name(), c.transfer.forces_name(), name_of(c.law), density,
-      c.slack ? 1e-6 * youngs_modulus : youngs_modulus, poisson_ratio);
+      c.transfer.kernel_name(), c.transfer.scheme_name(), c.transfer.forces_name(), density,
+      c.material.empty() ? fmt::format("model = \"{}\"\nyoungs_modulus = {}\npoisson_ratio = {}\n", name_of(c.law),
+                                       c.slack ? 1e-6 * youngs_modulus : youngs_modulus, poisson_ratio)
+                         : c.material);
   const PhaseLaw law = phase_law(c.phase);
   if (c.phase != Phase::none) text += fmt::format("fracture_toughness = {}\n", law.toughness);
   text += fmt::format(

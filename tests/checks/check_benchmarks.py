@@ -19,8 +19,8 @@ PROMISED = {
     "bench_step": {"step/": ["production", "reference", "ratio", "bytes_per_particle", "steps_per_sort"],
                    "machine": ["triad_gb_per_s", "fma_gflops", "fma_single_gflops"]},
     "bench_transfer": {"p2g/": [*KERNEL, "flops"], "g2p/": [*KERNEL, "flops"], "sort/": KERNEL},
-    "bench_schemes": {f"{kernel}/": ["production", "apic", "speed_over_apic", "bytes_per_particle"]
-                      for kernel in ("linear", "quadratic", "cubic")},
+    "bench_schemes": {f"{kind}/": ["production", "usual", "ratio", "bytes_per_particle"]
+                      for kind in ("linear", "quadratic", "cubic", "material")},
     "bench_materials": {"stress/": [*KERNEL, "flops", "cost_to_neo_hookean"], "polar/": [*KERNEL, "flops"]},
     "bench_phase_field": {"phase_": ["production", "reference", "ratio", "step_ratio_to_elastic", "phase_share",
                                      "solve_share", "linear_share", "driving_energy", "sweep", "assembly", "Krylov",

@@ -112,6 +112,31 @@ def check_block(run):
     expect(result.returncode == 0, f"a block is drawn: exit {result.returncode}, {result.stderr}")
     written = sorted(path.name for path in (run / "pictures").glob("*"))
     expect(written == ["contact_sheet.png", "frame_000001.png", "frame_000003.png"], f"only these: {written}")
+    result = view(run, "--frames", "0", "--box", "5", "6", "5", "6", "5", "6", "--pictures", run / "nothing")
+    expect(result.returncode == 0, f"a view of no particle is drawn: exit {result.returncode}, {result.stderr}")
+
+
+def check_comparison(folder, run):
+    """Two runs side by side, with a curve each and the names of the bodies."""
+    other = folder / "other"
+    write_run(other, 1)
+    pictures = folder / "compared"
+    arguments = (run, other, "--frames", "1,3", "--pictures", pictures)
+    result = view(*arguments)
+    expect(result.returncode == 0, f"two runs are compared: exit {result.returncode}, {result.stderr}")
+    written = sorted(path.name for path in pictures.glob("*"))
+    expect(written == ["comparison.png"], f"a comparison is one picture: {written}")
+    if failures:
+        return
+    with Image.open(pictures / "comparison.png") as image:
+        without = image.height
+    view(*arguments, "--column", "kinetic_energy")
+    with Image.open(pictures / "comparison.png") as image:
+        expect(image.height == without + 300, f"curves make the sheet 300 higher: {without} to {image.height}")
+    (run / "scene.toml").write_text('[[body]]\nname = "plate"\n[[body]]\nmaterial = "glass"\n')
+    names = mpm_view.read_body_names(run)
+    expect(names == ["plate", "body_1"], f"names of the bodies: {names}")
+    expect(mpm_view.read_body_names(other) == [], "a run without its scene has no names")
 
 
 def check_refusals(folder, run):
@@ -120,6 +145,11 @@ def check_refusals(folder, run):
                               ("phase, speed, stress, velocity", run, "--field", "nothing"),
                               ("no component", run, "--field", "velocity", "--component", "xy"),
                               ("no frame 9", run, "--frames", "9"),
+                              ("--column is for several", run, "--column", "dt"),
+                              ("--crack-tip is for one", run, run, "--crack-tip"),
+                              ("no column mass", run, run, "--column", "mass"),
+                              ("takes 4 numbers", run, "--box", "0", "1", "0", "1", "0", "1"),
+                              ("dimensions", run, folder / "block", "--frames", "0"),
                               ("three dimensions", run, "--slice", "z=0")]:
         result = (start if words == "no folder" else view)(*arguments)
         one_line = result.stderr.count("\n") == 1 and result.stderr.startswith("mpm_view: ")
@@ -138,6 +168,7 @@ def main():
         write_run(folder / "block", 20)
         check_plate(folder / "plate")
         check_block(folder / "block")
+        check_comparison(folder, folder / "plate")
         check_refusals(folder, folder / "plate")
     print(f"mpm_view: {len(failures)} failures")
     return 1 if failures else 0
