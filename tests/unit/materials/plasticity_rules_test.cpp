@@ -151,11 +151,14 @@ TEST(TrescaTest, GoesToTheClosestPointOfTheHexagon) {
 }
 
 template <int Dim>
-void expect_drucker_prager() {
+void expect_drucker_prager(bool plane_strain) {
   const Hencky<Dim> law = Traits<Hencky<Dim>>::law();
-  const DruckerPrager<Dim> rule{
-      .friction_angle = 0.5, .cohesion = 0.002 * test_mu, .volume_correction = false};
-  const double sine = std::sin(0.5), a = std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
+  const DruckerPrager<Dim> rule{.friction_angle = 0.5,
+                                .cohesion = 0.002 * test_mu,
+                                .volume_correction = false,
+                                .plane_strain = plane_strain};
+  const double sine = std::sin(0.5),
+               a = plane_strain ? std::sqrt(2.0) * sine / Dim : std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
   // In stresses the cone is |dev tau| = a d (p + c cot phi): a d kappa of a strain over 2 mu is a d / 2 mu of a pressure.
   const double tip = 0.002 * test_mu / std::tan(0.5);
   int at_tip = 0, inside = 0, on_cone = 0;
@@ -181,8 +184,40 @@ void expect_drucker_prager() {
   EXPECT_GT(on_cone, 50);
 }
 TEST(DruckerPragerTest, GoesToTheTipToTheConeOrNowhere) {
-  expect_drucker_prager<2>();
-  expect_drucker_prager<3>();
+  for (const bool plane_strain : {false, true}) {
+    expect_drucker_prager<2>(plane_strain);
+    expect_drucker_prager<3>(plane_strain);
+  }
+}
+
+// tau_1 - tau_3 = (tau_1 + tau_3 + 2 c cot phi) sin phi, compression positive: in 2D wherever it yields, in 3D in a plane
+// strain whose middle stress is the mean of the others, and for the other cone in triaxial compression.
+TEST(DruckerPragerTest, IsMohrCoulomb) {
+  const double phi = 0.6, cohesion = 0.001 * test_mu, shift = 2 * cohesion / std::tan(phi);
+  const auto expect = [&](const auto& law, const auto& rule, const auto& trial, const char* name) {
+    const auto out = returned(law, rule, trial, 0);
+    ASSERT_GT(out.yields, 0) << name;
+    const auto tau = principal_stress(law, out.s);
+    const double high = -tau.minCoeff(), low = -tau.maxCoeff();
+    EXPECT_NEAR(high - low, (high + low + shift) * std::sin(phi), 1e-12 * test_mu) << name;
+  };
+  int yielded = 0;
+  const Hencky<2> plane = Traits<Hencky<2>>::law();
+  const DruckerPrager<2> rule{.friction_angle = phi, .cohesion = cohesion, .volume_correction = false};
+  for_trials<2>(0.05, [&](const Numbers<2>& trial) {
+    if (!(returned(plane, rule, trial, 0).yields > 0) || -principal_stress(plane, trial).mean() < -shift / 2)
+      return;
+    ++yielded;
+    expect(plane, rule, trial, "2D");
+  });
+  EXPECT_GT(yielded, 50);
+  const Hencky<3> solid = Traits<Hencky<3>>::law();
+  DruckerPrager<3> cone{.friction_angle = phi, .cohesion = cohesion, .volume_correction = false};
+  const double e = 0.02;
+  EXPECT_FALSE(cone.plane_strain);
+  expect(solid, cone, Numbers<3>{std::exp(-3 * e), std::exp(e / 2), std::exp(e / 2)}, "triaxial compression");
+  cone.plane_strain = true;
+  expect(solid, cone, Numbers<3>{std::exp(-2 * e), std::exp(-e / 2), std::exp(e)}, "plane strain");
 }
 
 // Expanded by 2 %, compressed by 3 %: one per cent of volume is elastic, not three.
