@@ -79,36 +79,13 @@ TEST(TrescaTest, GoesToTheClosestPointOfTheHexagon) {
 
 template <int Dim>
 void expect_drucker_prager(bool plane_strain) {
-  const Hencky<Dim> law = Traits<Hencky<Dim>>::law();
-  const DruckerPrager<Dim> rule{.friction_angle = 0.5,
-                                .cohesion = 0.002 * test_mu,
-                                .volume_correction = false,
-                                .plane_strain = plane_strain};
-  const double sine = std::sin(0.5),
-               a = plane_strain ? std::sqrt(2.0) * sine / Dim : std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
-  // In stresses the cone is |dev tau| = a d (p + c cot phi): a d kappa of a strain over 2 mu is a d / 2 mu of a pressure.
-  const double tip = 0.002 * test_mu / std::tan(0.5);
-  int at_tip = 0, inside = 0, on_cone = 0;
-  for_trials<Dim>(0.03, [&](const Numbers<Dim>& trial) {
-    const auto out = returned(law, rule, trial, 0);
-    const Vec<Dim> tau = principal_stress(law, trial), after = principal_stress(law, out.s);
-    const double p = -tau.mean(), p_after = -after.mean(), shear = deviator_of<Dim>(after).norm();
-    if (p < -tip) {
-      ++at_tip;
-      EXPECT_NEAR(p_after, -tip, 1e-12 * test_mu);
-      EXPECT_NEAR(shear, 0, 1e-12 * test_mu);
-    } else if (deviator_of<Dim>(tau).norm() <= a * Dim * (p + tip)) {
-      ++inside;
-      EXPECT_EQ(out.s, trial);
-    } else {
-      ++on_cone;
-      EXPECT_NEAR(p_after, p, 1e-12 * test_mu);
-      EXPECT_NEAR(shear, a * Dim * (p + tip), 1e-12 * test_mu);
-    }
-  });
-  EXPECT_GT(at_tip, 20);
-  EXPECT_GT(inside, 10);
-  EXPECT_GT(on_cone, 50);
+  const DruckerPragerErrors worst = drucker_prager_errors<Dim>(plane_strain);
+  EXPECT_LE(worst.tip, 1e-12);
+  EXPECT_LE(worst.cone, 1e-12);
+  EXPECT_EQ(worst.inside, 0);
+  EXPECT_GT(worst.at_tip, 20);
+  EXPECT_GT(worst.within, 10);
+  EXPECT_GT(worst.on_cone, 50);
 }
 TEST(DruckerPragerTest, GoesToTheTipToTheConeOrNowhere) {
   for (const bool plane_strain : {false, true}) {

@@ -93,6 +93,42 @@ VonMisesErrors von_mises_errors() {
   return worst;
 }
 
+// Distances over mu from the tip and from the cone after a return, over many trials, and the change of what lies inside.
+struct DruckerPragerErrors {
+  double tip = 0, cone = 0, inside = 0;
+  int at_tip = 0, on_cone = 0, within = 0;
+};
+template <int Dim>
+DruckerPragerErrors drucker_prager_errors(bool plane_strain) {
+  const Hencky<Dim> law = Traits<Hencky<Dim>>::law();
+  const double phi = 0.5, cohesion = 0.002 * test_mu, sine = std::sin(phi);
+  const DruckerPrager<Dim> rule{
+      .friction_angle = phi, .cohesion = cohesion, .volume_correction = false, .plane_strain = plane_strain};
+  const double a = plane_strain ? std::sqrt(2.0) * sine / Dim : std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
+  // In stresses the cone is |dev tau| = a d (p + c cot phi): a d kappa of a strain over 2 mu is a d / 2 mu of a pressure.
+  const double tip = cohesion / std::tan(phi);
+  DruckerPragerErrors worst;
+  const auto raise = [](double& most, double value) { most = std::max(most, std::abs(value) / test_mu); };
+  for_trials<Dim>(0.03, [&](const Numbers<Dim>& trial) {
+    const auto out = returned(law, rule, trial, 0);
+    const Vec<Dim> tau = principal_stress(law, trial), after = principal_stress(law, out.s);
+    const double p = -tau.mean(), p_after = -after.mean(), shear = deviator_of<Dim>(after).norm();
+    if (p < -tip) {
+      ++worst.at_tip;
+      raise(worst.tip, p_after + tip);
+      raise(worst.tip, shear);
+    } else if (deviator_of<Dim>(tau).norm() <= a * Dim * (p + tip)) {
+      ++worst.within;
+      raise(worst.inside, (after - tau).norm());
+    } else {
+      ++worst.on_cone;
+      raise(worst.cone, p_after - p);
+      raise(worst.cone, shear - a * Dim * (p + tip));
+    }
+  });
+  return worst;
+}
+
 inline Nacc<3> published_points() {
   Nacc<3> rule;
   rule.state.slope = CriticalState<3>::critical_slope(std::atan(1.0));
