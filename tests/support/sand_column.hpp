@@ -8,9 +8,10 @@ namespace mpm::test {
 
 // Run-out of columns of height a L0 over L0: 1.2 a up to a = 2.3, 1.9 a^(2/3) above (Lube et al. 2005, Lajeunesse et al.
 // 2005), with the friction angle of the scene for all. Each column is so stiff that its foot is strained by half a per cent.
-inline void verify_sand_columns(const std::vector<std::pair<Real, Real>>& columns) {  // a and spacing [m]
+inline void verify_sand_columns(const std::string& curve_name,
+                                const std::vector<std::pair<Real, Real>>& columns) {  // a and spacing [m]
   constexpr Real L0 = 0.1, gravity = 9.81, density = 1600;
-  Curve curve{"sand_column", false, {"a = H0 / L0", "run-out over L0", "reference Lube, Lajeunesse"}, {}};
+  Curve curve{curve_name, false, {"a = H0 / L0", "run-out over L0", "reference Lube, Lajeunesse"}, {}};
   for (const auto& [a, h] : columns) {
     const Real height = a * L0, expected = a < 2.3 ? 1.2 * a : 1.9 * std::pow(a, 2.0 / 3);
     Stepper<2> world(

@@ -4,7 +4,7 @@
 namespace {
 
 TEST(SandColumn, RunsOutAsMeasured) {
-  mpm::test::verify_sand_columns({{0.5, 0.00125}, {1, 0.002}, {2, 0.004}, {4, 0.005}});
+  mpm::test::verify_sand_columns("sand_column", {{0.5, 0.00125}, {1, 0.002}, {2, 0.004}, {4, 0.005}});
 }
 
 }  // namespace
