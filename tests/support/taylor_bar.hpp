@@ -89,8 +89,7 @@ inline void verify_taylor_bar(const std::string& name, const std::string& curve_
               {"distance from the wall [mm]", "mean radius [mm]", "reference published radius of the foot"},
               {}};
   const Real none = std::numeric_limits<Real>::quiet_NaN();
-  for (const auto& [z, r] : bar.profile)
-    curve.rows.push_back({1e3 * z, 1e3 * r, curve.rows.empty() ? 7.07 : none});
+  for (const auto& [z, r] : bar.profile) curve.rows.push_back({1e3 * z, 1e3 * r, z < 2e-3 ? 7.07 : none});
   curve.write();
 }
 
