@@ -31,6 +31,7 @@ std::string range_fault(double value, const RealOptions& range, const std::strin
     remedy = fmt::format("give a value {} {}", range.min_exclusive ? "above" : "of at least", bound);
   else
     remedy = fmt::format("give a value {} {}", range.max_exclusive ? "below" : "of at most", bound);
+  if (high && range.unit == "rad") remedy += fmt::format("; degrees are written {} = \"30 deg\"", key);
   return fmt::format("{} is {} the allowed range ({}); {}.", what, low ? "below" : "above", range_text(range),
                      remedy);
 }

@@ -16,7 +16,8 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 import mpm_program as mpm  # noqa: E402
-from fault_cases import Case, DISC, changed, try_all, try_case  # noqa: E402
+from fault_cases import Case, DISC, changed, scene_case, try_all, try_case  # noqa: E402
+from physics_fault_cases import physics_cases  # noqa: E402
 
 try:
     import h5py
@@ -86,14 +87,6 @@ area = 0.6
 
 
 # --- scenes with a fault ------------------------------------------------------------------------------------
-
-def scene_case(name, words, *edits, scene=DISC, at=None, **more):
-    """A scene with the fault on the line of the last edit, or on the line that begins with `at`."""
-    text, line = changed(scene, *edits)
-    if at:
-        line = text[:text.index(at)].count("\n") + 1
-    return Case(name, 2, words, text, line, **more)
-
 
 def write_mesh(faces):
     """Writes faces of a tetrahedron as solid.stl."""
@@ -369,7 +362,7 @@ def main(wanted):
               "future, or incomplete")
     with tempfile.TemporaryDirectory() as name:
         runs = make_runs(Path(name))
-        cases = scene_cases() + command_line_cases(runs) + checkpoint_cases(runs) + failure_cases()
+        cases = scene_cases() + physics_cases() + command_line_cases(runs) + checkpoint_cases(runs) + failure_cases()
         return try_all(cases, wanted)
 
 

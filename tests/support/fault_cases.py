@@ -64,6 +64,14 @@ class Case:
     ranks: tuple = RANKS
 
 
+def scene_case(name, words, *edits, scene=DISC, at=None, **more):
+    """A scene with the fault on the line of the last edit, or on the line that begins with `at`."""
+    text, line = changed(scene, *edits)
+    if at:
+        line = text[:text.index(at)].count("\n") + 1
+    return Case(name, 2, words, text, line, **more)
+
+
 def error_sentence(outcome, ranks):
     """The sentence and complaints about everything else on stderr."""
     lines = [line for line in outcome.err.splitlines() if line.strip()]

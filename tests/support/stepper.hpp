@@ -44,4 +44,35 @@ class Stepper : public SceneWorld<Dim> {
   }
 };
 
+// The table of a transfer scheme; FLIP without PIC.
+inline std::string transfer_text(const std::string& scheme) {
+  return fmt::format("[transfer]\nscheme = \"{}\"\n{}", scheme, scheme == "flip" ? "flip_blend = 1\n" : "");
+}
+
+// Mass-weighted sum over all particles of f(x, v), of all ranks.
+template <int Dim, class F>
+Real sum_over(Stepper<Dim>& world, F&& f) {
+  Real sum = 0;
+  world.for_particles([&](Body<Dim>& body, Index p) {
+    const FieldSet& set = body.particles;
+    Vec<Dim> x, v;
+    for (int a = 0; a < Dim; ++a) {
+      x[a] = set.template data<Real>(core::position, a)[p];
+      v[a] = set.template data<Real>(core::velocity, a)[p];
+    }
+    sum += set.template data<Real>(core::mass)[p] * f(x, v);
+  });
+  return world.state.communicator().sum(sum);
+}
+
+// The largest x of all particles [m].
+template <int Dim>
+Real front(Stepper<Dim>& world) {
+  Real largest = 0;
+  world.for_particles([&](Body<Dim>& body, Index p) {
+    largest = std::max(largest, body.particles.template data<Real>(core::position, 0)[p]);
+  });
+  return world.state.communicator().max(largest);
+}
+
 }  // namespace mpm::test

@@ -1,4 +1,4 @@
-// Dam break, water at rest and the collapse of a sand column (verification.md sections 4 and 5).
+// Dam break and water at rest (verification.md section 4).
 #include <cmath>
 
 #include "support/stepper.hpp"
@@ -10,15 +10,6 @@ using test::Stepper;
 namespace {
 
 constexpr Real gravity = 9.81;
-
-// The largest x of all particles [m].
-Real front(Stepper<2>& world) {
-  Real largest = 0;
-  world.for_particles([&](Body<2>& body, Index p) {
-    largest = std::max(largest, body.particles.data<Real>(core::position, 0)[p]);
-  });
-  return world.state.communicator().max(largest);
-}
 
 // Place of the front over time, against Martin and Moyce (1952): T = t sqrt(2 g / a), Z = x / a, aligned where Z = 1.44
 // because the gate of the experiment takes its time.
@@ -32,7 +23,7 @@ TEST(Fluids, DamBreak) {
   std::vector<std::pair<Real, Real>> path = {{0, 1}};
   const Real scale = std::sqrt(2 * gravity / a);
   world.advance(0.18, [&] {
-    if (world.state.step % 10 == 0) path.emplace_back(world.state.time * scale, front(world) / a);
+    if (world.state.step % 10 == 0) path.emplace_back(world.state.time * scale, test::front(world) / a);
   });
   const auto time_of = [&](Real Z) {
     for (std::size_t i = 1; i < path.size(); ++i)
@@ -117,34 +108,6 @@ TEST(Fluids, Hydrostatic) {
                1.5 * (H / 2 - mean) / (density * gravity * H * H / (2 * K)), test::within(1, 0.02));
   test::verify("4 fluids", "water at rest: swing of periods 11 to 20 over that of 1 to 10", late / early,
                test::at_most(1));
-}
-
-// Run-out of a column of sand of height a L0, over L0: 1.2 a up to a = 2.3, 1.9 a^(2/3) above (Lube et al. 2005, Lajeunesse
-// et al. 2005). The friction angle of the scene, 37 degrees, is one for all.
-TEST(Plasticity, SandColumn) {
-  constexpr Real L0 = 0.1;
-  test::Curve curve{
-      "sand_column", false, {"a = H0 / L0", "run-out over L0", "reference Lube, Lajeunesse"}, {}};
-  for (const Real a : {0.5, 1.0, 2.0, 4.0}) {
-    Stepper<2> world(test::shipped_scene("sand_column_2d"),
-                     {"grid.spacing=0.004", fmt::format("domain.upper=[0.8, {}]", a * L0 + 0.052),
-                      fmt::format("body.0.shape.upper=[{}, {}]", L0, a * L0)});
-    world.advance(0.9, [] {});
-    const Real runout = (front(world) - L0) / L0, expected = a < 2.3 ? 1.2 * a : 1.9 * std::pow(a, 2.0 / 3);
-    curve.rows.push_back({a, runout, expected});
-    const std::string name = fmt::format("sand column, a = {}: run-out over L0", a);
-    if (a == 1) {
-      test::verify("5 plasticity", name, runout, test::within(expected, 0.15));
-    } else {
-      test::verify_short(
-          "5 plasticity", name, runout, test::within(expected, 0.15), test::within(expected, 0.35),
-          a == 4 ? "99 % of the sand ends at 4.9; the rest slides ahead in a layer no thicker than a cell, which nothing "
-                   "but its own friction holds; the cone is that of triaxial compression, not of plane strain"
-                 : "with one friction angle low columns run out too little and middle ones too far; the cone is that of "
-                   "triaxial compression, not of plane strain");
-    }
-  }
-  curve.write();
 }
 
 }  // namespace

@@ -157,4 +157,46 @@ Eigen::MatrixXd matrix_of(const Map& map) {
   return m;
 }
 
+// A law on matrices, and differences of its energy and stress.
+template <class Law>
+struct LawProbe {
+  static constexpr int dim = Traits<Law>::dim;
+  using M = Mat<dim>;
+  Law law = Traits<Law>::law();
+
+  double energy(const M& F) const { return law.energy_density(to_tensor<dim>(F)); }
+  M piola(const M& F) const { return to_matrix<dim>(law.first_piola(to_tensor<dim>(F))); }
+  M kirchhoff(const M& F) const { return to_matrix<dim>(law.kirchhoff_stress(to_tensor<dim>(F))); }
+  M differential(const M& F, const M& dF) const {
+    return to_matrix<dim>(law.first_piola_differential(to_tensor<dim>(F), to_tensor<dim>(dF)));
+  }
+  M difference_of_energy(const M& F, double h) const {
+    M P;
+    for (int k = 0; k < dim * dim; ++k) {
+      M up = F, down = F;
+      up.data()[k] += h;
+      down.data()[k] -= h;
+      P.data()[k] = (energy(up) - energy(down)) / (2 * h);
+    }
+    return P;
+  }
+  // Relative errors of P and of dP along dF by central differences of the step h.
+  double gradient_error(const M& F, double h) const {
+    const M P = piola(F);
+    return (difference_of_energy(F, h) - P).norm() / P.norm();
+  }
+  double tangent_error(const M& F, const M& dF, double h) const {
+    const M dP = differential(F, dF);
+    return ((piola(F + h * dF) - piola(F - h * dF)) / (2 * h) - dP).norm() / dP.norm();
+  }
+};
+
+// The least relative error of differences before roundoff takes over.
+template <class Error>
+double best_difference(const Error& relative_error, double length) {
+  double best = 1;
+  for (double h = 1e-3; h > 1e-7; h /= 2) best = std::min(best, relative_error(h * length));
+  return best;
+}
+
 }  // namespace mpm::test

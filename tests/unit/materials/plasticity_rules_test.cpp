@@ -2,92 +2,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numeric>
-
-#include "unit/materials/law_samples.hpp"
-#include "unit/materials/rule_samples.hpp"
+#include "unit/materials/rule_checks.hpp"
 
 namespace mpm::test {
 namespace {
 
-template <int Dim>
-using Numbers = std::array<double, Dim>;
-
-template <int Dim>
-struct Outcome {
-  Numbers<Dim> s;
-  double own, yields;
-  double guards[max_material_guards] = {};
-};
-
-template <class Law, class Rule, std::size_t Dim>
-Outcome<Dim> returned(const Law& law, const Rule& rule, const std::array<double, Dim>& trial, double own) {
-  double s[Dim];
-  std::copy(trial.begin(), trial.end(), s);
-  Outcome<Dim> out;
-  out.own = own;
-  out.yields = rule.return_stretches(law, s, &out.own, out.guards);
-  if (!(out.yields > 0)) {
-    out.own = own;
-    std::copy(trial.begin(), trial.end(), s);
-  }
-  std::copy(s, s + Dim, out.s.begin());
-  return out;
-}
-
-template <class Law, std::size_t Dim>
-Vec<static_cast<int>(Dim)> principal_stress(const Law& law, const std::array<double, Dim>& s) {
-  Tensor<double, static_cast<int>(Dim)> F;
-  for (std::size_t k = 0; k < Dim * Dim; ++k) F.m[k] = k % (Dim + 1) == 0 ? s[k / (Dim + 1)] : 0;
-  return to_matrix<static_cast<int>(Dim)>(law.kirchhoff_stress(F)).diagonal();
-}
-template <std::size_t Dim>
-double volume(const std::array<double, Dim>& s) {
-  return std::accumulate(s.begin(), s.end(), 1.0, std::multiplies<>());
-}
-template <int Dim>
-Vec<Dim> deviator_of(const Vec<Dim>& tau) {
-  return tau - Vec<Dim>::Constant(tau.mean());
-}
-
-// f(trial stretches) for many trials about I.
-template <int Dim, class F>
-void for_trials(double strain, F&& f) {
-  std::mt19937 generator(41);
-  std::uniform_real_distribution<double> e(-strain, strain);
-  for (int n = 0; n < 400; ++n) {
-    Numbers<Dim> trial;
-    for (double& s : trial) s = std::exp(e(generator));
-    if (n % 5 == 1) trial[1] = trial[0];
-    f(trial);
-  }
-}
-
 template <class Law>
 void expect_von_mises() {
-  constexpr int dim = Traits<Law>::dim;
-  const Law law = Traits<Law>::law();
-  const VonMises<dim> rule = rule_sample<VonMises<dim>>(test_mu);
-  const double alpha = 0.003;
-  int yielded = 0;
-  for_trials<dim>(0.3, [&](const Numbers<dim>& trial) {
-    const auto out = returned(law, rule, trial, alpha);
-    const Vec<dim> before = deviator_of<dim>(principal_stress(law, trial)),
-                   after = deviator_of<dim>(principal_stress(law, out.s));
-    const double q = std::sqrt(1.5) * after.norm(),
-                 limit = rule.yield_stress + rule.hardening_modulus * out.own;
-    EXPECT_NEAR(volume(out.s), volume(trial), 1e-14 * volume(trial));
-    if (out.yields > 0) {
-      ++yielded;
-      EXPECT_NEAR(q, limit, 1e-12 * test_mu);
-      EXPECT_GT(out.own, alpha);
-      EXPECT_NEAR(after.dot(before), after.norm() * before.norm(), 1e-12 * before.squaredNorm());  // radial
-    } else {
-      EXPECT_LE(std::sqrt(1.5) * before.norm(), limit * (1 + 1e-12));
-      EXPECT_EQ(out.own, alpha);
-    }
-  });
-  EXPECT_GT(yielded, 250);
+  const VonMisesErrors worst = von_mises_errors<Law>();
+  EXPECT_LE(worst.volume, 1e-14);
+  EXPECT_LE(worst.surface, 1e-12);
+  EXPECT_LE(worst.direction, 1e-12);
+  EXPECT_LE(worst.elastic, 1e-12);
+  EXPECT_GT(worst.yielded, 250);
 }
 TEST(VonMisesTest, EndsOnTheHardenedYieldSurfaceAndKeepsJ) {
   expect_von_mises<Hencky<2>>();
@@ -151,38 +78,50 @@ TEST(TrescaTest, GoesToTheClosestPointOfTheHexagon) {
 }
 
 template <int Dim>
-void expect_drucker_prager() {
-  const Hencky<Dim> law = Traits<Hencky<Dim>>::law();
-  const DruckerPrager<Dim> rule{
-      .friction_angle = 0.5, .cohesion = 0.002 * test_mu, .volume_correction = false};
-  const double sine = std::sin(0.5), a = std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
-  // In stresses the cone is |dev tau| = a d (p + c cot phi): a d kappa of a strain over 2 mu is a d / 2 mu of a pressure.
-  const double tip = 0.002 * test_mu / std::tan(0.5);
-  int at_tip = 0, inside = 0, on_cone = 0;
-  for_trials<Dim>(0.03, [&](const Numbers<Dim>& trial) {
-    const auto out = returned(law, rule, trial, 0);
-    const Vec<Dim> tau = principal_stress(law, trial), after = principal_stress(law, out.s);
-    const double p = -tau.mean(), p_after = -after.mean(), shear = deviator_of<Dim>(after).norm();
-    if (p < -tip) {
-      ++at_tip;
-      EXPECT_NEAR(p_after, -tip, 1e-12 * test_mu);
-      EXPECT_NEAR(shear, 0, 1e-12 * test_mu);
-    } else if (deviator_of<Dim>(tau).norm() <= a * Dim * (p + tip)) {
-      ++inside;
-      EXPECT_EQ(out.s, trial);
-    } else {
-      ++on_cone;
-      EXPECT_NEAR(p_after, p, 1e-12 * test_mu);
-      EXPECT_NEAR(shear, a * Dim * (p + tip), 1e-12 * test_mu);
-    }
-  });
-  EXPECT_GT(at_tip, 20);
-  EXPECT_GT(inside, 10);
-  EXPECT_GT(on_cone, 50);
+void expect_drucker_prager(bool plane_strain) {
+  const DruckerPragerErrors worst = drucker_prager_errors<Dim>(plane_strain);
+  EXPECT_LE(worst.tip, 1e-12);
+  EXPECT_LE(worst.cone, 1e-12);
+  EXPECT_EQ(worst.inside, 0);
+  EXPECT_GT(worst.at_tip, 20);
+  EXPECT_GT(worst.within, 10);
+  EXPECT_GT(worst.on_cone, 50);
 }
 TEST(DruckerPragerTest, GoesToTheTipToTheConeOrNowhere) {
-  expect_drucker_prager<2>();
-  expect_drucker_prager<3>();
+  for (const bool plane_strain : {false, true}) {
+    expect_drucker_prager<2>(plane_strain);
+    expect_drucker_prager<3>(plane_strain);
+  }
+}
+
+// tau_1 - tau_3 = (tau_1 + tau_3 + 2 c cot phi) sin phi, compression positive: in 2D wherever it yields, in 3D in a plane
+// strain whose middle stress is the mean of the others, and for the other cone in triaxial compression.
+TEST(DruckerPragerTest, IsMohrCoulomb) {
+  const double phi = 0.6, cohesion = 0.001 * test_mu, shift = 2 * cohesion / std::tan(phi);
+  const auto expect = [&](const auto& law, const auto& rule, const auto& trial, const char* name) {
+    const auto out = returned(law, rule, trial, 0);
+    ASSERT_GT(out.yields, 0) << name;
+    const auto tau = principal_stress(law, out.s);
+    const double high = -tau.minCoeff(), low = -tau.maxCoeff();
+    EXPECT_NEAR(high - low, (high + low + shift) * std::sin(phi), 1e-12 * test_mu) << name;
+  };
+  int yielded = 0;
+  const Hencky<2> plane = Traits<Hencky<2>>::law();
+  const DruckerPrager<2> rule{.friction_angle = phi, .cohesion = cohesion, .volume_correction = false};
+  for_trials<2>(0.05, [&](const Numbers<2>& trial) {
+    if (!(returned(plane, rule, trial, 0).yields > 0) || -principal_stress(plane, trial).mean() < -shift / 2)
+      return;
+    ++yielded;
+    expect(plane, rule, trial, "2D");
+  });
+  EXPECT_GT(yielded, 50);
+  const Hencky<3> solid = Traits<Hencky<3>>::law();
+  DruckerPrager<3> cone{.friction_angle = phi, .cohesion = cohesion, .volume_correction = false};
+  const double e = 0.02;
+  EXPECT_FALSE(cone.plane_strain);
+  expect(solid, cone, Numbers<3>{std::exp(-3 * e), std::exp(e / 2), std::exp(e / 2)}, "triaxial compression");
+  cone.plane_strain = true;
+  expect(solid, cone, Numbers<3>{std::exp(-2 * e), std::exp(-e / 2), std::exp(e)}, "plane strain");
 }
 
 // Expanded by 2 %, compressed by 3 %: one per cent of volume is elastic, not three.
@@ -260,65 +199,28 @@ TEST(ModifiedCamClayTest, FlowsAlongTheNormalOfTheEllipse) {
     }
 }
 
-Nacc<3> published_points() {
-  Nacc<3> rule;
-  rule.state.slope = CriticalState<3>::critical_slope(std::atan(1.0));
-  rule.state.cohesion = 0.5;
-  rule.state.hardening = 3;
-  rule.state.initial_alpha = -0.01;
-  return rule;
-}
-SplitNeoHookean<3> soft_law() {
-  const ElasticConstants elastic = ElasticConstants::from_youngs_modulus(1e4, 0.3);
-  return {elastic.mu, elastic.bulk_modulus<3>()};
-}
-
-// The numbers of an independent program: E = 1e4, nu = 0.3, 45 degrees, beta = 0.5, xi = 3, alpha = -0.01.
 TEST(NaccTest, SinglePoints) {
   const SplitNeoHookean<3> law = soft_law();
   Nacc<3> rule = published_points();
   double capped;
-  const double p0 = law.kappa * rule.state.hardening_pressure(-0.01, capped);
-  std::printf(
-      "mu = %.8f (3846.15384615), kappa = %.5f (8333.33333), M = %.8f (1.85034377), p0 = %.8f "
-      "(250.12083502)\n",
-      law.mu, law.kappa, rule.state.slope, p0);
   EXPECT_NEAR(law.mu, 3846.15384615, 1e-8);
   EXPECT_NEAR(law.kappa, 8333.33333333, 1e-8);
   EXPECT_NEAR(rule.state.slope, 1.85034377, 5e-9);
-  EXPECT_NEAR(p0, 250.12083502, 5e-9);
-  const auto expect = [&](const Numbers<3>& trial, const Numbers<3>& stretches, double alpha, double p_trial,
-                          int line) {
-    EXPECT_NEAR(law.pressure(volume(trial)), p_trial, 1e-7) << line;
-    const auto out = returned(law, rule, trial, -0.01);
-    std::printf(
-        "(%g, %g, %g) -> (%.10f, %.10f, %.10f), expected (%.10f, %.10f, %.10f); alpha %.8f, expected %.8f\n",
-        trial[0], trial[1], trial[2], out.s[0], out.s[1], out.s[2], stretches[0], stretches[1], stretches[2],
-        out.own, alpha);
-    for (int a = 0; a < 3; ++a) EXPECT_NEAR(out.s[a], stretches[a], 1e-10) << line;
-    EXPECT_NEAR(out.own, alpha, 1e-8) << line;
-  };
-  const double crushed = .9897353357, torn = 1.0049409799;
-  expect({.9, .9, .9}, {crushed, crushed, crushed}, -.29512842, 1952.32916667, __LINE__);
-  expect({1.1, 1.1, 1.1}, {torn, torn, torn}, .26114410, -3214.8375, __LINE__);
-  rule.published = true;
-  expect({1.05, .98, .96}, {1.0174877034, .990907423, .9835249119}, -.01289116, 100.71722667, __LINE__);
+  EXPECT_NEAR(law.kappa * rule.state.hardening_pressure(-0.01, capped), 250.12083502, 5e-9);
   const Numbers<3> elastic = {1.002, .999, .9985};
-  const auto out = returned(law, rule, elastic, -0.01);
-  EXPECT_EQ(out.s, elastic);
-  EXPECT_EQ(out.own, -0.01);
+  const auto unchanged = returned(law, rule, elastic, -0.01);
+  EXPECT_EQ(unchanged.s, elastic);
+  EXPECT_EQ(unchanged.own, -0.01);
+  for (const NaccPoint& point : nacc_points) {
+    rule.published = point.published;
+    const auto out = returned(law, rule, point.trial, -0.01);
+    EXPECT_NEAR(law.pressure(volume(point.trial)), point.trial_pressure, 1e-7);
+    for (int a = 0; a < 3; ++a) EXPECT_NEAR(out.s[a], point.stretches[a], 1e-10) << point.trial[0];
+    EXPECT_NEAR(out.own, point.alpha, 1e-8) << point.trial[0];
+  }
   // ln(J_tr / J_x) with p_x = 77.13850814 of the third.
   EXPECT_NEAR(-.01 + std::log(1.05 * .98 * .96 / std::sqrt(1 - 2 * 77.13850814 / law.kappa)), -.01289116,
               1e-8);
-}
-
-template <int Dim>
-double nacc_yield(const SplitNeoHookean<Dim>& law, const Nacc<Dim>& rule, double p0, const Numbers<Dim>& s) {
-  const Vec<Dim> tau = principal_stress(law, s);
-  const double p = -tau.mean(), q2 = (6.0 - Dim) / 2 * deviator_of<Dim>(tau).squaredNorm(),
-               M = rule.state.slope;
-  return (q2 * (1 + 2 * rule.state.cohesion) + M * M * (p + rule.state.cohesion * p0) * (p - p0)) /
-         (M * M * p0 * p0);
 }
 
 // For steps from small to absurd, with much, little and no hardening, with and without cohesion; the published form leaves the

@@ -1,7 +1,8 @@
-// The production kernels against their plain twins, and the conservation laws of verification.md section 1.
+// The production kernels against their plain twins.
 #include <gtest/gtest.h>
 
 #include "../../support/serial_grid.hpp"
+#include "mpm_hpc/transfer/transfer_kernels.hpp"
 
 using namespace mpm;
 using namespace mpm::test;
@@ -238,5 +239,12 @@ INSTANTIATE_TYPED_TEST_SUITE_P(QuadraticMls, Transfer, AsTypes<QuadraticMls>::Ty
 INSTANTIATE_TYPED_TEST_SUITE_P(QuadraticClassical, Transfer, AsTypes<QuadraticClassical>::Types);
 INSTANTIATE_TYPED_TEST_SUITE_P(CubicMls, Transfer, AsTypes<CubicMls>::Types);
 INSTANTIATE_TYPED_TEST_SUITE_P(CubicClassical, Transfer, AsTypes<CubicClassical>::Types);
+
+TEST(TransferOptions, RefusesWhatTheLinearKernelLacks) {
+  EXPECT_NE(why_undefined({KernelKind::linear, Scheme::apic, Forces::mls}), "");
+  EXPECT_NE(why_undefined({KernelKind::linear, Scheme::polypic, Forces::classical}), "");
+  EXPECT_EQ(why_undefined({KernelKind::linear, Scheme::apic, Forces::classical}), "");
+  EXPECT_THROW((transfer_kernels<2, double>({KernelKind::linear, Scheme::apic, Forces::mls})), LogicError);
+}
 
 }  // namespace

@@ -42,9 +42,11 @@ struct CriticalState {
     slope = critical_slope(friction_angle);
     initial_alpha = std::log(plastic_volume);
     if (hardening * -initial_alpha > most_hardening)
-      parameters.error_at(
-          "initial_plastic_volume",
-          fmt::format("hardening times -ln(initial_plastic_volume) must not exceed {}", most_hardening));
+      parameters.error_at("initial_plastic_volume",
+                          fmt::format("hardening times -ln(initial_plastic_volume) is {:.3g}, but p0 = kappa "
+                                      "sinh(...) is defined up to {}; "
+                                      "raise initial_plastic_volume or lower hardening.",
+                                      hardening * -initial_alpha, most_hardening));
   }
 
   // M = sqrt(2/3) 2 sin f / (3 - sin f) d / sqrt(2 / (6 - d))

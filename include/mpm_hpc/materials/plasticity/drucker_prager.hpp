@@ -7,8 +7,13 @@
 namespace mpm {
 
 // With e = ln s, e' its deviator and the tip's tr e_c = c cot(phi) / kappa (Klar et al. 2016, section 7, for c = 0):
-//   tr e > tr e_c: to the tip;  |e'| + a d kappa / (2 mu) (tr e - tr e_c) > 0: to the cone, along e';
-//   a = sqrt(2/3) 2 sin phi / (3 - sin phi).
+//   tr e > tr e_c: to the tip;  |e'| + a d kappa / (2 mu) (tr e - tr e_c) > 0: to the cone, along e'.
+// In stresses the cone is |dev tau| = a d (p + c cot phi). Two cones meet Mohr-Coulomb's pyramid,
+// tau_1 - tau_3 = (tau_1 + tau_3 + 2 c cot phi) sin phi with compression positive:
+// - in plane strain: flow without dilation, which this return is, makes the middle stress the mean of the others, so that
+//   p = (tau_1 + tau_3)/2, |dev tau| = (tau_1 - tau_3)/sqrt 2 and a = sqrt 2 sin phi / d. In 2D this holds at any stress;
+// - in triaxial compression, as published: a = sqrt(2/3) 2 sin phi / (3 - sin phi), which in 2D is Mohr-Coulomb with
+//   sin phi' = sqrt 2 a: 35.4 degrees for 37.
 // The volume that expansion lost, v, is taken back from the next compression (Tampubolon et al. 2017): the trial is
 // e + v/d, and v <- v + tr e - tr e_new.
 template <int Dim>
@@ -22,6 +27,7 @@ struct DruckerPrager {
   Real friction_angle = 0;  // phi [rad]
   Real cohesion = 0;        // c [Pa]
   bool volume_correction = true;
+  bool plane_strain = Dim == 2;  // where the cone meets Mohr-Coulomb's pyramid
 
   void declare(Parameters& parameters) {
     parameters.real("friction_angle", friction_angle,
@@ -32,6 +38,12 @@ struct DruckerPrager {
                      .required = true,
                      .doc = "friction angle, as \"30 deg\""});
     parameters.real("cohesion", cohesion, {.unit = "Pa", .min = 0, .doc = "shear strength without pressure"});
+    std::string cone = plane_strain ? "plane_strain" : "triaxial_compression";
+    parameters.choice(
+        "cone", cone, {"plane_strain", "triaxial_compression"},
+        "state of stress in which the cone is Mohr-Coulomb's with this friction angle; 2D scenes default to "
+        "plane_strain");
+    plane_strain = cone == "plane_strain";
     parameters.boolean("volume_correction", volume_correction,
                        {.doc = "take the volume that expansion lost back from the next compression"});
   }
@@ -44,6 +56,7 @@ struct DruckerPrager {
 
   Real slope() const {
     const Real sine = std::sin(friction_angle);
+    if (plane_strain) return std::sqrt(2.0) * sine / Dim;
     return std::sqrt(2.0 / 3) * 2 * sine / (3 - sine);
   }
   // tr e of the tip.
