@@ -6,6 +6,24 @@
 
 namespace mpm::test {
 
+// Farthest particle of the heap, which ends where the first cell beyond `foot` is empty: single grains fly ahead of it.
+inline Real heap_front(Stepper<2>& world, Real foot) {
+  const Real h = world.state.geometry().spacing();
+  std::vector<Real> count(static_cast<std::size_t>(world.state.geometry().upper()[0] / h) + 2, 0.0);
+  const auto for_places = [&](auto&& f) {
+    world.for_particles([&](Body<2>& body, Index p) { f(body.particles.data<Real>(core::position, 0)[p]); });
+  };
+  for_places([&](Real x) { ++count[static_cast<std::size_t>(x / h)]; });
+  world.state.communicator().sum(count);
+  auto end = static_cast<std::size_t>(foot / h);
+  while (count[end] > 0) ++end;
+  Real front = foot;
+  for_places([&](Real x) {
+    if (x < static_cast<Real>(end) * h) front = std::max(front, x);
+  });
+  return world.state.communicator().max(front);
+}
+
 // Run-out of columns of height a L0 over L0: 1.2 a up to a = 2.3, 1.9 a^(2/3) above (Lube et al. 2005, Lajeunesse et al.
 // 2005), with the friction angle of the scene for all. Each column is so stiff that its foot is strained by half a per cent.
 inline void verify_sand_columns(const std::string& curve_name,
@@ -20,7 +38,7 @@ inline void verify_sand_columns(const std::string& curve_name,
          fmt::format("body.0.shape.upper=[{}, {}]", L0, height),
          fmt::format("material.sand.youngs_modulus={}", 160 * density * gravity * height)});
     world.advance(std::max(0.35, 4.5 * std::sqrt(height / gravity)), [] {});
-    const Real runout = (front(world) - L0) / L0;
+    const Real runout = (heap_front(world, L0) - L0) / L0;
     curve.rows.push_back({a, runout, expected});
     verify("5 plasticity", fmt::format("sand column, a = {}, h = {} mm: run-out over L0", a, 1e3 * h), runout,
            within(expected, 0.15));

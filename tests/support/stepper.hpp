@@ -65,14 +65,4 @@ Real sum_over(Stepper<Dim>& world, F&& f) {
   return world.state.communicator().sum(sum);
 }
 
-// The largest x of all particles [m].
-template <int Dim>
-Real front(Stepper<Dim>& world) {
-  Real largest = 0;
-  world.for_particles([&](Body<Dim>& body, Index p) {
-    largest = std::max(largest, body.particles.template data<Real>(core::position, 0)[p]);
-  });
-  return world.state.communicator().max(largest);
-}
-
 }  // namespace mpm::test
