@@ -6,22 +6,17 @@
 
 namespace mpm::test {
 
-// Farthest particle of the heap, which ends where the first cell beyond `foot` is empty: single grains fly ahead of it.
+// Where the heap beyond `foot` gets less than a cell deep: a few grains fly and roll ahead of it.
 inline Real heap_front(Stepper<2>& world, Real foot) {
-  const Real h = world.state.geometry().spacing();
+  const Real h = world.state.geometry().spacing(), per_cell = 4;
   std::vector<Real> count(static_cast<std::size_t>(world.state.geometry().upper()[0] / h) + 2, 0.0);
-  const auto for_places = [&](auto&& f) {
-    world.for_particles([&](Body<2>& body, Index p) { f(body.particles.data<Real>(core::position, 0)[p]); });
-  };
-  for_places([&](Real x) { ++count[static_cast<std::size_t>(x / h)]; });
+  world.for_particles([&](Body<2>& body, Index p) {
+    ++count[static_cast<std::size_t>(body.particles.data<Real>(core::position, 0)[p] / h)];
+  });
   world.state.communicator().sum(count);
   auto end = static_cast<std::size_t>(foot / h);
-  while (count[end] > 0) ++end;
-  Real front = foot;
-  for_places([&](Real x) {
-    if (x < static_cast<Real>(end) * h) front = std::max(front, x);
-  });
-  return world.state.communicator().max(front);
+  while (count[end] >= per_cell) ++end;
+  return static_cast<Real>(end) * h;
 }
 
 // Run-out of columns of height a L0 over L0: 1.2 a up to a = 2.3, 1.9 a^(2/3) above (Lube et al. 2005, Lajeunesse et al.
