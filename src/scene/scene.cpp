@@ -139,7 +139,7 @@ void read_transfer(Parameters& p, TransferOptions& options) {
 }
 
 // Of quasi-static steps, where nothing else holds light nodes; inertia does in the others.
-constexpr Real default_stabilisation = 0.01;
+constexpr Real default_stabilisation = 0.1;
 
 void read_time(Parameters& p, TimeOptions& time) {
   p.section("time", SectionOptions("Time integration.", true), [&](Parameters& q) {
@@ -188,7 +188,7 @@ void read_newton(Parameters& p, TimeOptions& time) {
              "The tangent as a PETSc matrix, or applied by sweeps over the particles: less memory, more time.");
     q.real("stabilisation", time.implicit.stabilisation,
            {.min = 0, .doc = "Holds nodes with next to no weight to their neighbours, against a step's displacements only and as "
-                             "a share of the material's stiffness; default 0.01 for quasi_static, 0 for implicit."});
+                             "a share of the material's stiffness; default 0.1 for quasi_static, 0 for implicit."});
     std::string projection = "auto";
     q.choice("projection", projection, {"auto", "always", "never"},
              "When the tangent is made semi-definite, which gives directions of descent but slower convergence: auto, until "

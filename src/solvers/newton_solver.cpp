@@ -121,8 +121,8 @@ struct NewtonSolver::Impl {
     std::copy(diagonal.begin(), diagonal.end(), out.data());
     return 0;
   }
-  static PetscErrorCode converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal norm, SNESConvergedReason* reason,
-                                  void* context) {
+  static PetscErrorCode converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal norm,
+                                  SNESConvergedReason* reason, void* context) {
     Impl& self = *static_cast<Impl*>(context);
     self.result.residual = self.scale > 0 ? norm / self.scale : 0;
     *reason = SNES_CONVERGED_ITERATING;
@@ -149,7 +149,8 @@ struct NewtonSolver::Impl {
     KSPConvergedReason reason;
     PetscCall(SNESGetKSP(snes, &ksp));
     PetscCall(KSPGetConvergedReason(ksp, &reason));
-    const bool bent = reason == KSP_DIVERGED_INDEFINITE_MAT || reason == KSP_DIVERGED_INDEFINITE_PC || !(slope > 0);
+    const bool bent =
+        reason == KSP_DIVERGED_INDEFINITE_MAT || reason == KSP_DIVERGED_INDEFINITE_PC || !(slope > 0);
     self.bends_down = self.bends_down || bent;
     constexpr Real sufficient = 1e-4, rounding = 1e-14, least = 1e-10;
     Real share = 1;
@@ -175,7 +176,8 @@ struct NewtonSolver::Impl {
       }
       // The least of the parabola through both values with the slope at the start.
       const Real curvature = there.value - self.at.value + share * slope;
-      const Real parabola = std::isfinite(curvature) && curvature > 0 ? share * share * slope / (2 * curvature) : 0;
+      const Real parabola =
+          std::isfinite(curvature) && curvature > 0 ? share * share * slope / (2 * curvature) : 0;
       share = std::clamp(parabola, 0.1 * share, 0.5 * share);
     }
     if (accepted) {
@@ -188,7 +190,8 @@ struct NewtonSolver::Impl {
     PetscCall(VecNorm(x, NORM_2, &size));
     PetscCall(SNESLineSearchSetLambda(search, share));
     PetscCall(SNESLineSearchSetNorms(search, size, norm, share * length));
-    PetscCall(SNESLineSearchSetReason(search, accepted ? SNES_LINESEARCH_SUCCEEDED : SNES_LINESEARCH_FAILED_REDUCT));
+    PetscCall(SNESLineSearchSetReason(search,
+                                      accepted ? SNES_LINESEARCH_SUCCEEDED : SNES_LINESEARCH_FAILED_REDUCT));
     return 0;
   }
 
@@ -206,9 +209,11 @@ struct NewtonSolver::Impl {
     petsc_check(SNESSetObjective(snes, &Impl::objective, this), "SNESSetObjective");
     petsc_check(SNESGetLineSearch(snes, &search), "SNESGetLineSearch");
     petsc_check(SNESLineSearchSetType(search, SNESLINESEARCHSHELL), "SNESLineSearchSetType");
-    petsc_check(SNESLineSearchShellSetUserFunc(search, &Impl::backtrack, this), "SNESLineSearchShellSetUserFunc");
+    petsc_check(SNESLineSearchShellSetUserFunc(search, &Impl::backtrack, this),
+                "SNESLineSearchShellSetUserFunc");
     petsc_check(SNESKSPSetUseEW(snes, PETSC_TRUE), "SNESKSPSetUseEW");
-    petsc_check(SNESKSPSetParametersEW(snes, 2, 0.01, 0.01, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT),
+    petsc_check(SNESKSPSetParametersEW(snes, 2, 0.01, 0.01, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT,
+                                       PETSC_DEFAULT),
                 "SNESKSPSetParametersEW");
     // A direction that the Krylov solver didn't finish is one of descent all the same.
     petsc_check(SNESSetMaxLinearSolveFailures(snes, PETSC_MAX_INT), "SNESSetMaxLinearSolveFailures");
@@ -216,9 +221,10 @@ struct NewtonSolver::Impl {
     petsc_check(KSPSetType(ksp, KSPCG), "KSPSetType");
     petsc_check(KSPGetPC(ksp, &pc), "KSPGetPC");
     petsc_check(PCSetType(pc, PCJACOBI), "PCSetType");
-    petsc_check(KSPSetTolerances(ksp, PETSC_DEFAULT, 0, PETSC_DEFAULT, options.max_krylov), "KSPSetTolerances");
-    require(SNESSetFromOptions(snes) == 0, "PETSc refuses one of the options of -{}...; correct its value or leave it out",
-            prefix);
+    petsc_check(KSPSetTolerances(ksp, PETSC_DEFAULT, 0, PETSC_DEFAULT, options.max_krylov),
+                "KSPSetTolerances");
+    require(SNESSetFromOptions(snes) == 0,
+            "PETSc refuses one of the options of -{}...; correct its value or leave it out", prefix);
     return snes;
   }
 };
@@ -254,6 +260,16 @@ GlobalIndex NewtonSolver::set_rows(int local_block_rows) {
 GlobalIndex NewtonSolver::first_row() const { return impl_->first_row; }
 GlobalIndex NewtonSolver::global_rows() const { return impl_->rows; }
 
+namespace {
+
+// Of calls that may fail on one rank while the others wait: this ends all ranks.
+void local_check(PetscErrorCode code, const char* what) {
+  if (code != 0)
+    throw LogicError(fmt::format("PETSc failed in {} with code {}", what, static_cast<int>(code)));
+}
+
+}  // namespace
+
 void NewtonSolver::assemble(const BlockRows& rows, BlockStorage storage) {
   Impl& s = *impl_;
   static_assert(sizeof(PetscInt) == sizeof(int), "BlockRows holds PETSc's index type");
@@ -268,14 +284,19 @@ void NewtonSolver::assemble(const BlockRows& rows, BlockStorage storage) {
   const int *starts = rows.starts.data(), *columns = rows.columns.data();
   const Real* values = rows.values.data();
   if (storage == BlockStorage::symmetric) {
-    petsc_check(MatSeqSBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values), "MatSeqSBAIJSetPreallocationCSR");
-    petsc_check(MatMPISBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values), "MatMPISBAIJSetPreallocationCSR");
+    local_check(MatSeqSBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
+                "MatSeqSBAIJSetPreallocationCSR");
+    local_check(MatMPISBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
+                "MatMPISBAIJSetPreallocationCSR");
   } else {
-    petsc_check(MatSeqBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values), "MatSeqBAIJSetPreallocationCSR");
-    petsc_check(MatMPIBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values), "MatMPIBAIJSetPreallocationCSR");
+    local_check(MatSeqBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
+                "MatSeqBAIJSetPreallocationCSR");
+    local_check(MatMPIBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
+                "MatMPIBAIJSetPreallocationCSR");
   }
   petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
-  s.matrix_bytes = rows.values.size() * sizeof(Real) + (rows.columns.size() + rows.starts.size()) * sizeof(int);
+  s.matrix_bytes =
+      rows.values.size() * sizeof(Real) + (rows.columns.size() + rows.starts.size()) * sizeof(int);
 }
 
 void NewtonSolver::set_operator(Apply apply, std::vector<Real> diagonal) {
@@ -285,11 +306,13 @@ void NewtonSolver::set_operator(Apply apply, std::vector<Real> diagonal) {
   s.matrix_bytes = s.diagonal.capacity() * sizeof(Real);
   if (!s.matrix) {
     const int size = s.block * s.local_rows;
-    petsc_check(MatCreateShell(s.comm, size, size, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.matrix), "MatCreateShell");
+    petsc_check(MatCreateShell(s.comm, size, size, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.matrix),
+                "MatCreateShell");
     petsc_check(MatShellSetOperation(s.matrix, MATOP_MULT, reinterpret_cast<void (*)()>(&Impl::multiply)),
                 "MatShellSetOperation");
-    petsc_check(MatShellSetOperation(s.matrix, MATOP_GET_DIAGONAL, reinterpret_cast<void (*)()>(&Impl::get_diagonal)),
-                "MatShellSetOperation");
+    petsc_check(
+        MatShellSetOperation(s.matrix, MATOP_GET_DIAGONAL, reinterpret_cast<void (*)()>(&Impl::get_diagonal)),
+        "MatShellSetOperation");
     petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
   }
   // So that the preconditioner learns of the new diagonal.
@@ -302,8 +325,10 @@ void NewtonSolver::multiply(const std::vector<Real>& d, std::vector<Real>& y) {
   ::Vec in = nullptr, out = nullptr;
   y.resize(d.size());
   const int size = s.block * s.local_rows;
-  petsc_check(VecCreateMPIWithArray(s.comm, s.block, size, PETSC_DETERMINE, d.data(), &in), "VecCreateMPIWithArray");
-  petsc_check(VecCreateMPIWithArray(s.comm, s.block, size, PETSC_DETERMINE, y.data(), &out), "VecCreateMPIWithArray");
+  petsc_check(VecCreateMPIWithArray(s.comm, s.block, size, PETSC_DETERMINE, d.data(), &in),
+              "VecCreateMPIWithArray");
+  petsc_check(VecCreateMPIWithArray(s.comm, s.block, size, PETSC_DETERMINE, y.data(), &out),
+              "VecCreateMPIWithArray");
   petsc_check(MatMult(s.matrix, in, out), "MatMult");
   petsc_check(VecDestroy(&in), "VecDestroy");
   petsc_check(VecDestroy(&out), "VecDestroy");
@@ -311,7 +336,8 @@ void NewtonSolver::multiply(const std::vector<Real>& d, std::vector<Real>& y) {
 
 NewtonResult NewtonSolver::solve(const NewtonProblem& problem, std::vector<Real>& x) {
   Impl& s = *impl_;
-  debug_check(static_cast<int>(x.size()) == s.block * s.local_rows, "x has an entry for each unknown of the rank");
+  debug_check(static_cast<int>(x.size()) == s.block * s.local_rows,
+              "x has an entry for each unknown of the rank");
   s.result = {};
   s.problem = &problem;
   s.fault = nullptr;
@@ -327,8 +353,9 @@ NewtonResult NewtonSolver::solve(const NewtonProblem& problem, std::vector<Real>
 
   SNES snes = s.make();
   ::Vec solution = nullptr, residual = nullptr;
-  petsc_check(VecCreateMPIWithArray(s.comm, s.block, s.block * s.local_rows, PETSC_DETERMINE, x.data(), &solution),
-              "VecCreateMPIWithArray");
+  petsc_check(
+      VecCreateMPIWithArray(s.comm, s.block, s.block * s.local_rows, PETSC_DETERMINE, x.data(), &solution),
+      "VecCreateMPIWithArray");
   petsc_check(VecDuplicate(solution, &residual), "VecDuplicate");
   petsc_check(SNESSetFunction(snes, residual, &Impl::residual, &s), "SNESSetFunction");
   petsc_check(SNESSetJacobian(snes, s.matrix, s.matrix, &Impl::jacobian, &s), "SNESSetJacobian");

@@ -2,23 +2,24 @@
 
 #include <algorithm>
 
-
 namespace mpm {
 
 template <int Dim>
-void ContactStates<Dim>::begin(const std::vector<NodeConstraint<Dim>>& constraints, const ImplicitSystem<Dim>& system) {
+void ContactStates<Dim>::begin(const std::vector<NodeConstraint<Dim>>& constraints,
+                               const ImplicitSystem<Dim>& system, bool inertia) {
   contacts_.clear();
   for (const NodeConstraint<Dim>& demand : constraints) {
     const int row = system.row_of(demand.node);
     if (row < 0) continue;
-    Motion motion = demand.contact.friction > 0 ? Motion::sticks : Motion::slides;
+    Motion motion = demand.contact.friction > 0 && !inertia ? Motion::sticks : Motion::slides;
     if (demand.contact.condition == ContactCondition::sticky) motion = Motion::sticks;
     if (demand.contact.condition == ContactCondition::separate &&
         demand.normal.dot(system.start_velocity(row) - demand.velocity) > 0)
       motion = Motion::open;
     contacts_.push_back({demand, row, motion});
   }
-  std::stable_sort(contacts_.begin(), contacts_.end(), [](const auto& a, const auto& b) { return a.row < b.row; });
+  std::stable_sort(contacts_.begin(), contacts_.end(),
+                   [](const auto& a, const auto& b) { return a.row < b.row; });
 }
 
 template <int Dim>
@@ -76,7 +77,9 @@ void ContactStates<Dim>::apply(ImplicitSystem<Dim>& system) const {
 }
 
 template <int Dim>
-GlobalIndex ContactStates<Dim>::update(const ImplicitSystem<Dim>& system, const Communicator& communicator) {
+GlobalIndex ContactStates<Dim>::update(const ImplicitSystem<Dim>& system, const Communicator& communicator,
+                                       int pass) {
+  constexpr int early_passes = 3;
   Real largest = 0, fastest = 0;
   for (const Touch& c : contacts_) {
     largest = std::max(largest, system.reaction(c.row).norm());
@@ -95,7 +98,7 @@ GlobalIndex ContactStates<Dim>::update(const ImplicitSystem<Dim>& system, const 
     const Vec<Dim> friction_before = c.friction;
     const Real push = n.dot(impulse);
     if (c.motion == Motion::open) {
-      if (n.dot(relative) < -speed_tolerance) c.motion = contact.friction > 0 ? Motion::sticks : Motion::slides;
+      if (n.dot(relative) < -speed_tolerance) c.motion = Motion::slides;
     } else if (contact.condition == ContactCondition::separate && push < -impulse_tolerance) {
       c.motion = Motion::open;
     } else if (contact.friction > 0) {
@@ -108,9 +111,13 @@ GlobalIndex ContactStates<Dim>::update(const ImplicitSystem<Dim>& system, const 
         }
       } else {
         const Vec<Dim> slip = relative - n.dot(relative) * n;
-        // Friction that would turn the slip round: it sticks.
+        // Friction that would turn the slip round: it sticks, or is less.
         if (c.friction.dot(slip) > 0) {
-          c.motion = Motion::sticks;
+          if (pass < early_passes) {
+            c.motion = Motion::sticks;
+          } else {
+            c.friction *= 0.5;
+          }
         } else if (slip.norm() > speed_tolerance) {
           c.friction = -most / slip.norm() * slip;
         }

@@ -74,9 +74,10 @@ void GridStages<Dim>::initialise(State<Dim>& state) {
 template <int Dim>
 void GridStages<Dim>::reduce_limits(State<Dim>& state) {
   StepLimits& l = state.limits;
-  std::vector<Real> values = {l.kinematic.speed,        l.kinematic.speed_component, l.kinematic.gradient,
-                              l.kinematic.acceleration, l.signal_speed,              l.stiffness_speed,
-                              -l.min_jacobian,          state.stop_requested ? 1.0 : 0.0, l.viscosity};
+  std::vector<Real> values = {
+      l.kinematic.speed, l.kinematic.speed_component, l.kinematic.gradient, l.kinematic.acceleration,
+      l.signal_speed,    l.stiffness_speed,           -l.min_jacobian,      state.stop_requested ? 1.0 : 0.0,
+      l.viscosity};
   state.communicator().max(values);
   l.kinematic = {values[0], values[1], values[2], values[3]};
   l.signal_speed = values[4];
@@ -177,7 +178,8 @@ void GridStages<Dim>::run(State<Dim>& state, const std::vector<typename StepHook
 }
 
 template <int Dim>
-void GridStages<Dim>::run(State<Dim>& state, const std::vector<typename StepHooks<Dim>::RangeHook>& hooks, bool boundary) {
+void GridStages<Dim>::run(State<Dim>& state, const std::vector<typename StepHooks<Dim>::RangeHook>& hooks,
+                          bool boundary) {
   if (hooks.empty()) return;
   auto s = state.timers.scope(stage_effects_);
   for (const auto& hook : hooks)

@@ -33,8 +33,8 @@ void ImplicitIntegrator<Dim>::initialise(State<Dim>& state) {
 template <int Dim>
 Real ImplicitIntegrator<Dim>::stable_step(const State<Dim>& state) {
   const Real speed = state.limits.kinematic.speed_component;
-  const Real travel = speed > 0 ? options_.cfl * state.geometry().spacing() / speed
-                                : std::numeric_limits<Real>::infinity();
+  const Real travel =
+      speed > 0 ? options_.cfl * state.geometry().spacing() / speed : std::numeric_limits<Real>::infinity();
   const Real limit = std::min(state.step_limit, options_.largest_step);
   bound_by_ = travel < limit ? "distance travelled" : "step control";
   return std::min(travel, limit);
@@ -48,7 +48,7 @@ void ImplicitIntegrator<Dim>::prepare(State<Dim>& state) {
   system_.begin(state, acceleration);
   constraints_.clear();
   for (const auto& f : stages_.hooks().constraints) f(state, constraints_);
-  contacts_.begin(constraints_.entries(), system_);
+  contacts_.begin(constraints_.entries(), system_, options_.system.inertia);
   contacts_.apply(system_);
 }
 
@@ -71,7 +71,8 @@ bool ImplicitIntegrator<Dim>::attempt(State<Dim>& state) {
                              result_.iterations, result_.residual, result_.reason);
       return false;
     }
-    const GlobalIndex changes = state.communicator().sum(contacts_.update(system_, state.communicator()));
+    const GlobalIndex changes =
+        state.communicator().sum(contacts_.update(system_, state.communicator(), pass));
     if (changes == 0) break;
     if (pass == most_contact_passes) {
       state.guards["contact_states_still_changing"] += state.communicator().root();
@@ -123,7 +124,8 @@ void ImplicitIntegrator<Dim>::step(State<Dim>& state) {
   std::vector<std::vector<Real>> velocities;
   auto for_columns = [&](auto&& f) {
     for (Body<Dim>& body : state.bodies)
-      for (int a = 0; a < Dim; ++a) f(body.particles.template data<Real>(core::velocity, a), body.particles.size());
+      for (int a = 0; a < Dim; ++a)
+        f(body.particles.template data<Real>(core::velocity, a), body.particles.size());
   };
   if (!options_.system.inertia)
     for (Body<Dim>& body : state.bodies)
@@ -140,10 +142,12 @@ void ImplicitIntegrator<Dim>::step(State<Dim>& state) {
     failed = true;
     state.guards["implicit_steps_halved"] += state.communicator().root();
     if (state.dt / 2 < least_step * wanted)
-      throw NumericalFailure(fmt::format(
-          "an implicit step fails even with dt = {:.3g} s: {}; is something free to move that nothing holds, or is the load "
-          "more than the material bears? Try a smaller time.max_dt, newton.max_iterations, or inertia (\"implicit\")",
-          state.dt, failure_));
+      throw NumericalFailure(
+          fmt::format("an implicit step fails even with dt = {:.3g} s: {}; is something free to move that "
+                      "nothing holds, or is the load "
+                      "more than the material bears? Try a smaller time.max_dt, newton.max_iterations, or "
+                      "inertia (\"implicit\")",
+                      state.dt, failure_));
     state.dt /= 2;
     auto saved = velocities.begin();
     for_columns([&](Real* v, Index) { std::copy(saved->begin(), saved->end(), v), ++saved; });

@@ -35,23 +35,33 @@ template <int Dim>
 ImplicitSystem<Dim>::ImplicitSystem(State<Dim>& state, const ImplicitOptions& options)
     : options_(options), solver_(state.communicator(), options_prefix, Dim, options.newton) {
   require(state.precision == Precision::double_precision,
-          "time.integrator: implicit and quasi_static steps need precision = \"double\"; the residual of a single-precision "
+          "time.integrator: implicit and quasi_static steps need precision = \"double\"; the residual of a "
+          "single-precision "
           "grid has no digits left");
   require(state.deformation_update == DeformationUpdate::first_order,
-          "time.deformation_update: implicit and quasi_static steps take F <- (I + dt grad v) F; leave the key out");
+          "time.deformation_update: implicit and quasi_static steps take F <- (I + dt grad v) F; leave the "
+          "key out");
   const std::string entries = LinearSolver::preconditioner_of_entries(options_prefix);
   require(!options_.matrix_free || entries.empty(),
-          "newton.operator = \"matrix_free\" has no entries for -newton_pc_type {}; choose \"assembled\"", entries);
+          "newton.operator = \"matrix_free\" has no entries for -newton_pc_type {}; choose \"assembled\"",
+          entries);
   storage_ = entries.empty() ? BlockStorage::symmetric : BlockStorage::full;
-  for (std::size_t b = 0; b < state.bodies.size(); ++b) products_.push_back(make_stencil_products<Dim>(state.transfer));
+  for (std::size_t b = 0; b < state.bodies.size(); ++b)
+    products_.push_back(make_stencil_products<Dim>(state.transfer));
   GridFields& f = state.fields;
   velocity_ = f.add({.name = "implicit_velocity", .units = "m/s", .components = Dim, .halo_components = Dim});
   force_ = f.add({.name = "implicit_force", .units = "N s", .components = Dim, .halo_components = Dim});
   if (!options_.matrix_free && !products_.empty()) {
     const int entries_of_node = products_.front()->tangent_blocks() * Dim * Dim;
-    stencil_ = f.add({.name = "implicit_tangent", .units = "J", .components = entries_of_node, .halo_components = entries_of_node});
+    stencil_ = f.add({.name = "implicit_tangent",
+                      .units = "J",
+                      .components = entries_of_node,
+                      .halo_components = entries_of_node});
     row_number_ = f.add({.name = "implicit_row", .units = "1"});
-    projector_ = f.add({.name = "implicit_projector", .units = "1", .components = Dim * Dim + 1, .halo_components = Dim * Dim + 1});
+    projector_ = f.add({.name = "implicit_projector",
+                        .units = "1",
+                        .components = Dim * Dim + 1,
+                        .halo_components = Dim * Dim + 1});
     state.distribution.require_row_halo();
   }
   tangents_.resize(state.bodies.size());
@@ -66,7 +76,8 @@ void ImplicitSystem<Dim>::begin(State<Dim>& state, const Vec<Dim>& acceleration)
     products_[b]->rebuild(state.geometry(), state.topology(), state.bodies[b]);
     if (options_.matrix_free)
       tangents_[b].allocate(static_cast<std::size_t>(TrialColumns<Dim>::tangent_size) *
-                                (static_cast<std::size_t>(state.bodies[b].particles.size()) + room) * sizeof(Real),
+                                (static_cast<std::size_t>(state.bodies[b].particles.size()) + room) *
+                                sizeof(Real),
                             0);
   }
   const auto owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
@@ -104,7 +115,8 @@ void ImplicitSystem<Dim>::set_stiffness(State<Dim>& state) {
       for (const Chunk& chunk : products_[b]->chunks(boundary)) {
         TrialColumns<Dim> out;
         out.modulus = columns.stress[0];
-        state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_, chunk.begin, chunk.end, out);
+        state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_, chunk.begin,
+                                   chunk.end, out);
         for (Index p = 0; p < chunk.end - chunk.begin; ++p) out.modulus[p] *= factor;
         products_[b]->set_stiffness(chunk, out.modulus);
       }
@@ -179,8 +191,8 @@ TrialSums ImplicitSystem<Dim>::forces(State<Dim>& state, const Real* v, bool wan
   sweep(state, v, [&](std::size_t b, const Chunk& chunk, Columns& columns) {
     TrialColumns<Dim> out;
     if (wanted) std::copy(std::begin(columns.stress), std::end(columns.stress), out.stress);
-    sums.include(state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_, chunk.begin, chunk.end,
-                                            out));
+    sums.include(state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_,
+                                            chunk.begin, chunk.end, out));
     if (wanted) products_[b]->scatter(chunk, columns.stress, force);
     sums.energy += dt_ * dt_ * products_[b]->stabilise(chunk, velocity, dt_, wanted ? force : nullptr);
   });
@@ -241,7 +253,8 @@ void ImplicitSystem<Dim>::linearise(State<Dim>& state, const Real* v, bool proje
     TrialColumns<Dim> out;
     std::copy(std::begin(columns.tangent), std::end(columns.tangent), out.tangent);
     out.project = projected;
-    state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_, chunk.begin, chunk.end, out);
+    state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_, chunk.begin,
+                               chunk.end, out);
     products_[b]->scatter_diagonal(chunk, columns.tangent, diagonal);
     if (stencil) {
       products_[b]->scatter_tangent(chunk, columns.tangent, stencil);
@@ -277,72 +290,6 @@ void ImplicitSystem<Dim>::linearise(State<Dim>& state, const Real* v, bool proje
   }
 }
 
-// The tangent's rows: the block of two nodes stands at the first of them in lexicographic order.
-template <int Dim>
-void ImplicitSystem<Dim>::assemble(State<Dim>& state) {
-  constexpr int block = Dim * Dim;
-  using Block = Eigen::Matrix<Real, Dim, Dim, Eigen::RowMajor>;
-  GridFields& fields = state.fields;
-  const StencilProducts<Dim>& products = *products_.front();
-  const int reach = products.reach(), width = 2 * reach + 1, per_node = products.tangent_blocks() * block;
-  state.halo().sum(fields, {stencil_});
-  Real* number = fields.template data<Real>(row_number_);
-  Real* projector = fields.template data<Real>(projector_);
-  std::fill_n(number, fields.nodes(), -1.0);
-  fields.zero(projector_);
-  const GlobalIndex first_row = solver_.first_row();
-  for (std::size_t r = 0; r < rows_.size(); ++r) number[rows_[r]] = static_cast<Real>(first_row + static_cast<GlobalIndex>(r));
-  for (const Constraint& c : constraints_) {
-    Real* values = projector + rows_[c.row] * (block + 1);
-    values[0] = 1;
-    Eigen::Map<Block>(values + 1) = c.projector;
-  }
-  state.distribution.row_halo().fill(fields, {stencil_, row_number_, projector_});
-  const Real* stencil = fields.template data<Real>(stencil_);
-
-  matrix_.starts.assign(1, 0);
-  matrix_.columns.clear();
-  matrix_.values.clear();
-  const int offsets = Dim == 2 ? width * width : width * width * width, middle = offsets / 2;
-  for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const std::size_t node = rows_[r];
-    const Slot* around = state.topology().neighbours(static_cast<Slot>(node / nodes_per_block<Dim>));
-    const IntVec<Dim> place = node_in_block<Dim>(static_cast<int>(node % nodes_per_block<Dim>));
-    const GlobalIndex row = first_row + static_cast<GlobalIndex>(r);
-    for (int n = 0; n < offsets; ++n) {
-      IntVec<Dim> offset;
-      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= width) offset[a] = rest % width - reach;
-      const std::size_t other = node_around<Dim>(around, place + offset);
-      if (other == no_node || number[other] < 0) continue;
-      const auto column = static_cast<GlobalIndex>(number[other]);
-      if (storage_ == BlockStorage::symmetric && column < row) continue;
-      Block K;
-      if (n >= middle) {
-        K = Eigen::Map<const Block>(stencil + node * per_node + (n - middle) * block);
-      } else {
-        K = Eigen::Map<const Block>(stencil + other * per_node + (middle - n) * block).transpose();
-      }
-      K *= dt_ * dt_;
-      if (n == middle) {
-        if (options_.inertia) K.diagonal().array() += mass_[r];
-        if (const int c = constraint_of_row_[r]; c >= 0) {
-          const Mat<Dim>& P = constraints_[c].projector;
-          K = (P * K * P + constraints_[c].scale * (Mat<Dim>::Identity() - P)).eval();
-        }
-      } else {
-        const Real *here = projector + node * (block + 1), *there = projector + other * (block + 1);
-        if (here[0] > 0) K = (Eigen::Map<const Block>(here + 1) * K).eval();
-        if (there[0] > 0) K = (K * Eigen::Map<const Block>(there + 1)).eval();
-        if (K.isZero(0)) continue;
-      }
-      matrix_.columns.push_back(static_cast<int>(column));
-      matrix_.values.insert(matrix_.values.end(), K.data(), K.data() + block);
-    }
-    matrix_.starts.push_back(static_cast<int>(matrix_.columns.size()));
-  }
-  solver_.assemble(matrix_, storage_);
-}
-
 // y = (P A P + (I - P) D) d with the tangents of the last linearise(), without a matrix.
 template <int Dim>
 void ImplicitSystem<Dim>::apply(State<Dim>& state, const Real* d, Real* y) {
@@ -368,7 +315,8 @@ void ImplicitSystem<Dim>::apply(State<Dim>& state, const Real* d, Real* y) {
     products_[b]->stabilise(chunk, velocity, 1, force);
   });
   sum_to_rows(state, force_, y);
-  for (std::size_t k = 0; k < x_.size(); ++k) y[k] = dt_ * dt_ * y[k] + (options_.inertia ? mass_[k / Dim] * free[k] : 0);
+  for (std::size_t k = 0; k < x_.size(); ++k)
+    y[k] = dt_ * dt_ * y[k] + (options_.inertia ? mass_[k / Dim] * free[k] : 0);
   project(y);
   for (const Constraint& c : constraints_)
     for (int a = 0; a < Dim; ++a) {
@@ -421,9 +369,11 @@ MemoryAccount ImplicitSystem<Dim>::memory() const {
   for (const AlignedBuffer& buffer : tangents_) tangents += buffer.allocated();
   return {{"implicit/rows", capacity_bytes(rows_) + capacity_bytes(row_of_node_) + capacity_bytes(mass_) +
                                 capacity_bytes(start_) + capacity_bytes(load_) + capacity_bytes(x_) +
-                                capacity_bytes(reaction_) + capacity_bytes(diagonal_) + capacity_bytes(constraint_of_row_)},
+                                capacity_bytes(reaction_) + capacity_bytes(diagonal_) +
+                                capacity_bytes(constraint_of_row_)},
           {"implicit/tangents", tangents},
-          {"implicit/matrix rows", capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts)},
+          {"implicit/matrix rows",
+           capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts)},
           {"implicit/PETSc", solver_.allocated_bytes()}};
 }
 

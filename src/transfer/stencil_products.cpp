@@ -33,7 +33,8 @@ class Products final : public StencilProducts<Dim> {
  public:
   int reach() const override { return support - 1; }
 
-  void rebuild(const GridGeometry<Dim>& grid, const BlockTopology<Dim>& topology, const Body<Dim>& body) override {
+  void rebuild(const GridGeometry<Dim>& grid, const BlockTopology<Dim>& topology,
+               const Body<Dim>& body) override {
     grid_ = &grid;
     for (int a = 0; a < Dim; ++a) x_[a] = body.particles.template data<Real>(core::position, a);
     batches_.clear();
@@ -106,7 +107,7 @@ class Products final : public StencilProducts<Dim> {
     Real energy = 0;
     for (int b = chunk.first_batch; b < chunk.last_batch; ++b) {
       const Batch& batch = batches_[b];
-      for_differences(b, [&](Real s, const int (&at)[3]) {
+      for_differences(b, [&](Real s, const int(&at)[3]) {
         for (int a = 0; a < Dim; ++a) {
           Real d = 0;
           for (int k = 0; k < 3; ++k) d += second[k] * v[node(batch, at[k]) * Dim + a];
@@ -122,7 +123,7 @@ class Products final : public StencilProducts<Dim> {
     for (int b = chunk.first_batch; b < chunk.last_batch; ++b) {
       const Batch& batch = batches_[b];
       const Gradients G = gradients(batch);
-      for_differences(b, [&](Real s, const int (&at)[3]) {
+      for_differences(b, [&](Real s, const int(&at)[3]) {
         for (int k = 0; k < 3; ++k)
           for (int a = 0; a < Dim; ++a) d[node(batch, at[k]) * Dim + a] += s * second[k] * second[k];
       });
@@ -173,10 +174,12 @@ class Products final : public StencilProducts<Dim> {
         K.block(0, j, rows, support).noalias() =
             half.leftCols(rows).transpose() * G.template middleCols<support>(j);
       }
-      for_differences(b, [&](Real s, const int (&at)[3]) {
+      for_differences(b, [&](Real s, const int(&at)[3]) {
         for (int k = 0; k < 3; ++k)
           for (int l = k; l < 3; ++l) {
-            Real* out = blocks + (node(batch, at[k]) * per_node + (offset_number(at[l]) - offset_number(at[k]))) * block;
+            Real* out =
+                blocks +
+                (node(batch, at[k]) * per_node + (offset_number(at[l]) - offset_number(at[k]))) * block;
             for (int a = 0; a < Dim; ++a) out[a * (Dim + 1)] += s * second[k] * second[l];
           }
       });
@@ -198,7 +201,8 @@ class Products final : public StencilProducts<Dim> {
     int at[3];  // stencil nodes
   };
   static constexpr Difference difference(int n) {
-    const int direction = n / (lines * (support - 2)), line = n / (support - 2) % lines, start = n % (support - 2);
+    const int direction = n / (lines * (support - 2)), line = n / (support - 2) % lines,
+              start = n % (support - 2);
     int step = 1;
     for (int a = Dim - 1; a > direction; --a) step *= support;
     const int first = line / step * step * support + line % step + start * step;
@@ -209,24 +213,29 @@ class Products final : public StencilProducts<Dim> {
   void for_differences(int b, F&& f) const {
     if (stiffness_.empty()) return;
     for (int n = 0; n < differences; ++n)
-      f(stiffness_[static_cast<std::size_t>(b) * differences + static_cast<std::size_t>(n)], difference(n).at);
+      f(stiffness_[static_cast<std::size_t>(b) * differences + static_cast<std::size_t>(n)],
+        difference(n).at);
   }
 
   // Stencil node i in the numbering of offsets, whose rows are 2 reach + 1 long.
   static constexpr int offset_number(int i) {
     int number = 0;
-    for (int a = Dim - 1, place = 1; a >= 0; --a, place *= 2 * support - 1, i /= support) number += i % support * place;
+    for (int a = Dim - 1, place = 1; a >= 0; --a, place *= 2 * support - 1, i /= support)
+      number += i % support * place;
     return number;
   }
   static constexpr int tangent_blocks_of_node() { return offset_number(nodes - 1) + 1; }
 
-  std::size_t node(const Batch& batch, int i) const { return static_cast<std::size_t>(node_numbers_[batch.nodes + i]); }
+  std::size_t node(const Batch& batch, int i) const {
+    return static_cast<std::size_t>(node_numbers_[batch.nodes + i]);
+  }
 
-  void add_chunk(const BlockTopology<Dim>& topology, const Body<Dim>& body, const BlockRange& range, Index begin,
-                 std::vector<Chunk>& chunks) {
+  void add_chunk(const BlockTopology<Dim>& topology, const Body<Dim>& body, const BlockRange& range,
+                 Index begin, std::vector<Chunk>& chunks) {
     const Slot* around = topology.neighbours(range.slot);
     const IntVec<Dim> first = topology.first_node(range.slot);
-    Chunk chunk{begin, std::min<Index>(begin + chunk_particles, range.end), static_cast<int>(batches_.size()), 0};
+    Chunk chunk{begin, std::min<Index>(begin + chunk_particles, range.end), static_cast<int>(batches_.size()),
+                0};
     IntVec<Dim> last_base = IntVec<Dim>::Constant(-1);
     for (Index p = chunk.begin; p < chunk.end && !body.is_padding(p); ++p) {
       Vec<Dim> x;
@@ -275,7 +284,8 @@ class Products final : public StencilProducts<Dim> {
       Kernel::weights(fx[a], w[a]);
       if constexpr (mls) {
         for (int n = 0; n < support; ++n)
-          d[a][n] = w[a][n] * (static_cast<Real>(n) - fx[a]) * (Kernel::inverse_inertia * grid_->inverse_spacing());
+          d[a][n] =
+              w[a][n] * (static_cast<Real>(n) - fx[a]) * (Kernel::inverse_inertia * grid_->inverse_spacing());
       } else {
         Kernel::gradients(fx[a], d[a]);
         for (int n = 0; n < support; ++n) d[a][n] *= grid_->inverse_spacing();

@@ -14,8 +14,7 @@ TEST(TaylorBar, AgainstItsMirrorImage) {
 
 TEST(TaylorBar, AgainstAWall) {
   test::verify_taylor_bar(
-      "slip wall, h = 0.5 mm", "wall", test::taylor_bar({"grid.spacing=0.0005"}, pi / 2, 1),
-      "next to a slip wall the particles see half of the gradient, and the foot spreads less");
+      "slip wall, h = 0.5 mm", "wall", test::taylor_bar({"grid.spacing=0.0005"}, pi / 2, 1));
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ struct TrialColumns {
   // d^2 (V0 Psi) / d L_ab d L_cd [J] at the entry (a * Dim + b, c * Dim + d) of a symmetric tensor; null: not wanted
   double* tangent[tangent_size] = {};
   double* modulus = nullptr;  // V0 times the modulus of waves [J]; null: not wanted
-  bool project = true;  // whether the tangent is made semi-definite
+  bool project = true;        // whether the tangent is made semi-definite
 };
 
 // Sums and extremes over a run of particles.

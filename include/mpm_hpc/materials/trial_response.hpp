@@ -11,7 +11,7 @@ namespace mpm {
 // How the law's energy depends on L. The law may be a DegradedLaw, which has principal stresses alone.
 template <class S, int Dim, class Law>
 inline Tensor<S, Dim> trial_stress(const Law& law, const SymTensor<S, Dim>& tau, const Tensor<S, Dim>& F,
-                            const Tensor<S, Dim>& before) {
+                                   const Tensor<S, Dim>& before) {
   if constexpr (HasPrincipalModuli<Law, Dim, S>) {
     // P F^nT = tau F^-T F^nT
     const S inverse_J = broadcast<S>(1.0) / determinant(F);
@@ -26,8 +26,8 @@ inline Tensor<S, Dim> trial_stress(const Law& law, const SymTensor<S, Dim>& tau,
 }
 
 template <class S, int Dim, class Law>
-[[gnu::noinline]] SymTensor<S, Dim * Dim> trial_tangent(const Law& law, const Tensor<S, Dim>& F, const Tensor<S, Dim>& before,
-                                      bool project) {
+[[gnu::noinline]] SymTensor<S, Dim * Dim> trial_tangent(const Law& law, const Tensor<S, Dim>& F,
+                                                        const Tensor<S, Dim>& before, bool project) {
   constexpr int size = Dim * Dim;
   SymTensor<S, size> A;
   if constexpr (HasPrincipalModuli<Law, Dim, S>) {
@@ -36,7 +36,8 @@ template <class S, int Dim, class Law>
     for (int n = 0; n < size; ++n)
       for (int m = n; m < size; ++m) {
         S sum = modes.value[0] * modes.direction[0].m[n] * modes.direction[0].m[m];
-        for (int k = 1; k < modes.count; ++k) sum += modes.value[k] * modes.direction[k].m[n] * modes.direction[k].m[m];
+        for (int k = 1; k < modes.count; ++k)
+          sum += modes.value[k] * modes.direction[k].m[n] * modes.direction[k].m[m];
         A(n, m) = sum;
       }
   } else {
@@ -44,7 +45,8 @@ template <class S, int Dim, class Law>
     for (int m = 0; m < size; ++m) {
       Tensor<S, Dim> L;
       for (int n = 0; n < size; ++n) L.m[n] = broadcast<S>(n == m ? 1.0 : 0.0);
-      const Tensor<S, Dim> dS = multiply(law.first_piola_differential(F, multiply(L, before)), transpose(before));
+      const Tensor<S, Dim> dS =
+          multiply(law.first_piola_differential(F, multiply(L, before)), transpose(before));
       for (int n = 0; n <= m; ++n) A(n, m) = dS.m[n];
     }
   }
@@ -59,7 +61,8 @@ TrialSums trial_run(const Law& law, const MaterialColumns<Dim, double>& columns,
                     const TrialColumns<Dim>& out) {
   using S = Pack<double>;
   TrialSums sums;
-  S energy = broadcast<S>(0.0), magnitude = energy, min_J = broadcast<S>(std::numeric_limits<double>::infinity());
+  S energy = broadcast<S>(0.0), magnitude = energy,
+    min_J = broadcast<S>(std::numeric_limits<double>::infinity());
   for (Index p = begin; p < end; p += pack_width<double>) {
     const Index at = p - first;
     const Tensor<S, Dim> before = load_tensor<S, Dim>(columns.F, p);
@@ -70,7 +73,8 @@ TrialSums trial_run(const Law& law, const MaterialColumns<Dim, double>& columns,
     if (out.modulus) store(out.modulus + at, modulus);
     auto respond = [&](const auto& any_law, const SymTensor<S, Dim>& tau, const S& density) {
       if (out.stress[0]) store_tensor(out.stress, at, factor * trial_stress(any_law, tau, F, before));
-      if (out.tangent[0]) store_tensor(out.tangent, at, factor * trial_tangent(any_law, F, before, out.project));
+      if (out.tangent[0])
+        store_tensor(out.tangent, at, factor * trial_tangent(any_law, F, before, out.project));
       energy += factor * density;
     };
     bool degraded = false;

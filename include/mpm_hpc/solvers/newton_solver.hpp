@@ -28,7 +28,7 @@ struct NewtonOptions {
 struct BlockRows {
   std::vector<int> starts{0};  // rows + 1
   std::vector<int> columns;
-  std::vector<Real> values;    // blocks row by row
+  std::vector<Real> values;  // blocks row by row
 };
 
 // Both kinds of rows that PETSc's formats hold.
@@ -65,7 +65,8 @@ struct NewtonResult {
 class NewtonSolver {
  public:
   // PETSc reads its options with this prefix. `block` unknowns belong to one node.
-  NewtonSolver(const Communicator& communicator, const std::string& prefix, int block, const NewtonOptions& options);
+  NewtonSolver(const Communicator& communicator, const std::string& prefix, int block,
+               const NewtonOptions& options);
   ~NewtonSolver();
   NewtonSolver(const NewtonSolver&) = delete;
   NewtonSolver& operator=(const NewtonSolver&) = delete;

@@ -13,14 +13,18 @@ namespace mpm {
 template <int Dim>
 class ContactStates {
  public:
-  // The states to begin with: closed where the material approaches, sticking where there is friction.
-  void begin(const std::vector<NodeConstraint<Dim>>& constraints, const ImplicitSystem<Dim>& system);
+  // The states to begin with: closed where the material approaches; with friction sliding without it in motion, sticking in
+  // equilibrium.
+  void begin(const std::vector<NodeConstraint<Dim>>& constraints, const ImplicitSystem<Dim>& system,
+             bool inertia);
   // Tells the system what holds, and the friction of those that slide.
   void apply(ImplicitSystem<Dim>& system) const;
-  // Looks at the solution; returns how many states changed on this rank.
-  GlobalIndex update(const ImplicitSystem<Dim>& system, const Communicator& communicator);
+  // Looks at the solution; returns how many states changed on this rank. Late passes let no sliding contact stick any more,
+  // so that the states come to rest.
+  GlobalIndex update(const ImplicitSystem<Dim>& system, const Communicator& communicator, int pass);
   // What each boundary gave to this rank's nodes, in the order of `reactions`. Work is impulse times the velocity at the end.
-  std::vector<Exchange<Dim>> exchanges(const ImplicitSystem<Dim>& system, const std::vector<Reaction<Dim>*>& reactions) const;
+  std::vector<Exchange<Dim>> exchanges(const ImplicitSystem<Dim>& system,
+                                       const std::vector<Reaction<Dim>*>& reactions) const;
 
  private:
   enum class Motion { open, slides, sticks };

@@ -16,7 +16,7 @@ class ImplicitIntegrator final : public Integrator<Dim> {
  public:
   struct Options {
     ImplicitOptions system;
-    Real cfl = 0.4;         // share of a cell that particles may travel in a step
+    Real cfl = 0.4;  // share of a cell that particles may travel in a step
     Real first_step = std::numeric_limits<Real>::infinity();  // [s]
     Real largest_step = std::numeric_limits<Real>::infinity();
   };

@@ -10,7 +10,7 @@ namespace mpm {
 
 struct ImplicitOptions {
   NewtonOptions newton;
-  bool inertia = true;      // false: quasi-static
+  bool inertia = true;  // false: quasi-static
   bool matrix_free = false;
   // Of nodes with next to no weight (StencilProducts::set_stiffness): s_p = stabilisation V0_p M_p / h^2, M_p the modulus of
   // waves. It acts on a step's displacements dt v and leaves no stress behind.

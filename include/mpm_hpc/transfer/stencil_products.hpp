@@ -27,7 +27,8 @@ class StencilProducts {
   virtual ~StencilProducts() = default;
 
   // Finds the stencils of a body's particles, which must be sorted. They stay good while no particle moves.
-  virtual void rebuild(const GridGeometry<Dim>& grid, const BlockTopology<Dim>& topology, const Body<Dim>& body) = 0;
+  virtual void rebuild(const GridGeometry<Dim>& grid, const BlockTopology<Dim>& topology,
+                       const Body<Dim>& body) = 0;
   // Of the body's boundary or interior ranges.
   const std::vector<Chunk>& chunks(bool boundary) const { return boundary ? boundary_ : interior_; }
 

@@ -73,8 +73,9 @@ TYPED_TEST(TangentModesTest, KnowTheDeformationBeforeTheStep) {
   for (const auto& [name, before] : samples) {
     const Mat<dim> F = (Mat<dim>::Identity() + L) * before;
     const Eigen::MatrixXd exact = matrix_of<dim>([&, &before = before](const Mat<dim>& dL) {
-      return Mat<dim>(to_matrix<dim>(law.first_piola_differential(to_tensor<dim>(F), to_tensor<dim>(dL * before))) *
-                      before.transpose());
+      return Mat<dim>(
+          to_matrix<dim>(law.first_piola_differential(to_tensor<dim>(F), to_tensor<dim>(dL * before))) *
+          before.transpose());
     });
     const TangentModes<double, dim> modes(law, to_tensor<dim>(F), to_tensor<dim>(before));
     EXPECT_LE((matrix_of_modes(modes) - exact).norm(), 1e-8 * exact.norm()) << name;
@@ -113,8 +114,8 @@ TYPED_TEST(DegradedModesTest, BelongToTheDegradedEnergy) {
         return to_matrix<dim>(of.first_piola_differential(to_tensor<dim>(F), to_tensor<dim>(dF)));
       });
     };
-    const TangentModes<double, dim> modes(DegradedLaw<SplitNeoHookean<dim>, double>{law, g}, to_tensor<dim>(F),
-                                          Tensor<double, dim>::identity());
+    const TangentModes<double, dim> modes(DegradedLaw<SplitNeoHookean<dim>, double>{law, g},
+                                          to_tensor<dim>(F), Tensor<double, dim>::identity());
     Eigen::MatrixXd expected = g * tangent_of(law);
     if (F.determinant() < 1) expected += (1 - g) * tangent_of(shapeless);
     EXPECT_LE((matrix_of_modes(modes) - expected).norm(), 1e-8 * expected.norm()) << name;

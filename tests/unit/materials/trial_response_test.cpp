@@ -63,7 +63,8 @@ void check_derivatives(const Material<Dim>& material, bool cracked = false) {
       for (int n = 0; n < Dim * Dim; ++n) {
         const double entry = at.tangent[SymTensor<double, Dim * Dim>::index(n, k)][p];
         tangent_size = std::max(tangent_size, std::abs(entry));
-        tangent_error = std::max(tangent_error, std::abs((up.stress[n][p] - down.stress[n][p]) / (2 * step) - entry));
+        tangent_error =
+            std::max(tangent_error, std::abs((up.stress[n][p] - down.stress[n][p]) / (2 * step) - entry));
       }
     }
   EXPECT_LE(stress_error, 1e-8 * tangent_size) << material.model();
@@ -82,14 +83,17 @@ TYPED_TEST(TrialResponseTest, StressAndTangentAreDerivativesOfTheEnergy) {
   check_derivatives<dim>(MaterialLoops<NeoHookean<dim>, dim>(common, Traits<NeoHookean<dim>>::law()));
   check_derivatives<dim>(MaterialLoops<FixedCorotated<dim>, dim>(common, Traits<FixedCorotated<dim>>::law()));
   check_derivatives<dim>(MaterialLoops<Hencky<dim>, dim>(common, Traits<Hencky<dim>>::law()));
-  check_derivatives<dim>(MaterialLoops<SplitNeoHookean<dim>, dim>(common, Traits<SplitNeoHookean<dim>>::law()));
-  check_derivatives<dim>(MaterialLoops<LinearElastic<dim>, dim>(common, LinearElastic<dim>{test_mu, test_lambda}));
+  check_derivatives<dim>(
+      MaterialLoops<SplitNeoHookean<dim>, dim>(common, Traits<SplitNeoHookean<dim>>::law()));
+  check_derivatives<dim>(
+      MaterialLoops<LinearElastic<dim>, dim>(common, LinearElastic<dim>{test_mu, test_lambda}));
 }
 
 TYPED_TEST(TrialResponseTest, AreTakenWithTheCracksAndTheHardeningAsTheyAre) {
   constexpr int dim = TypeParam::value;
   const typename Material<dim>::Common common{.name = "m", .density = 1};
-  check_derivatives<dim>(MaterialLoops<SplitNeoHookean<dim>, dim>(common, Traits<SplitNeoHookean<dim>>::law()), true);
+  check_derivatives<dim>(
+      MaterialLoops<SplitNeoHookean<dim>, dim>(common, Traits<SplitNeoHookean<dim>>::law()), true);
   ClampedStretches<dim> rule;
   rule.hardening = 10;
   Snow<dim> snow;

@@ -14,12 +14,12 @@ class Reaction;
 // One boundary's demand on one owned node.
 template <int Dim>
 struct NodeConstraint {
-  std::size_t node;     // slot * nodes_per_block + node in block
-  Vec<Dim> velocity;    // of the surface [m/s]
-  Contact contact;      // sticky where no normal is given
-  Vec<Dim> normal = Vec<Dim>::Zero();     // from the surface to the material
-  std::array<bool, Dim> directions{};     // of a sticky one: the components that it prescribes
-  Reaction<Dim>* reaction = nullptr;      // whose it is
+  std::size_t node;                    // slot * nodes_per_block + node in block
+  Vec<Dim> velocity;                   // of the surface [m/s]
+  Contact contact;                     // sticky where no normal is given
+  Vec<Dim> normal = Vec<Dim>::Zero();  // from the surface to the material
+  std::array<bool, Dim> directions{};  // of a sticky one: the components that it prescribes
+  Reaction<Dim>* reaction = nullptr;   // whose it is
 };
 
 template <int Dim>
@@ -31,8 +31,10 @@ class NodeConstraints {
   }
   // What follows belongs to this boundary; one that touches no node is named as well.
   void begin(Reaction<Dim>& reaction) { reactions_.push_back(&reaction); }
-  void touch(std::size_t node, const Contact& contact, const Vec<Dim>& normal, const Vec<Dim>& surface_velocity) {
-    NodeConstraint<Dim> entry{.node = node, .velocity = surface_velocity, .contact = contact, .normal = normal};
+  void touch(std::size_t node, const Contact& contact, const Vec<Dim>& normal,
+             const Vec<Dim>& surface_velocity) {
+    NodeConstraint<Dim> entry{
+        .node = node, .velocity = surface_velocity, .contact = contact, .normal = normal};
     if (contact.condition == ContactCondition::sticky) entry.directions.fill(true);
     add(std::move(entry));
   }
