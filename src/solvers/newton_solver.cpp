@@ -294,7 +294,9 @@ void NewtonSolver::assemble(const BlockRows& rows, BlockStorage storage) {
     local_check(MatMPIBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
                 "MatMPIBAIJSetPreallocationCSR");
   }
-  petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
+  // BAIJ knows no such option.
+  if (storage == BlockStorage::symmetric)
+    petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
   s.matrix_bytes =
       rows.values.size() * sizeof(Real) + (rows.columns.size() + rows.starts.size()) * sizeof(int);
 }
