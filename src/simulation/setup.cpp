@@ -88,8 +88,8 @@ std::unique_ptr<Integrator<Dim>> make_integrator(const Scene<Dim>& scene, State<
   typename ImplicitIntegrator<Dim>::Options options;
   options.system = time.implicit;
   options.cfl = time.cfl;
-  if (time.max_dt) options.first_step = options.largest_step = *time.max_dt;
-  if (time.dt) options.first_step = options.largest_step = *time.dt;
+  if (time.max_dt) options.largest_step = *time.max_dt;
+  if (time.dt) options.largest_step = *time.dt;
   return std::make_unique<ImplicitIntegrator<Dim>>(state, std::move(hooks), options);
 }
 

@@ -18,7 +18,7 @@ template <int Dim>
 ImplicitIntegrator<Dim>::ImplicitIntegrator(State<Dim>& state, StepHooks<Dim> hooks, const Options& options)
     : stages_(state, std::move(hooks)), options_(options), system_(state, options.system) {
   debug_check(stages_.hooks().implicit, "the effects joined the hooks of an explicit step");
-  state.step_limit = std::min(options_.first_step, options_.largest_step);
+  state.step_limit = options_.largest_step;
   state.inertia = options_.system.inertia;
   state.accounts.push_back([this] { return system_.memory(); });
   state.solvers["newton"];
@@ -41,11 +41,16 @@ Real ImplicitIntegrator<Dim>::stable_step(const State<Dim>& state) {
 }
 
 template <int Dim>
+Vec<Dim> ImplicitIntegrator<Dim>::acceleration(const State<Dim>& state) const {
+  Vec<Dim> sum = Vec<Dim>::Zero();
+  for (const auto& f : stages_.hooks().accelerations) sum += f(state);
+  return sum;
+}
+
+template <int Dim>
 void ImplicitIntegrator<Dim>::prepare(State<Dim>& state) {
   stages_.to_grid(state, GridStages<Dim>::Stress::none);
-  Vec<Dim> acceleration = Vec<Dim>::Zero();
-  for (const auto& f : stages_.hooks().accelerations) acceleration += f(state);
-  system_.begin(state, acceleration);
+  system_.begin(state, acceleration(state));
   constraints_.clear();
   for (const auto& f : stages_.hooks().constraints) f(state, constraints_);
   contacts_.begin(constraints_.entries(), system_, options_.system.inertia);
@@ -103,13 +108,12 @@ Real ImplicitIntegrator<Dim>::fastest(const State<Dim>& state) const {
 // end of the step, as the potential has it.
 template <int Dim>
 void ImplicitIntegrator<Dim>::take_velocities(State<Dim>& state) {
-  Vec<Dim> acceleration = Vec<Dim>::Zero();
-  for (const auto& f : stages_.hooks().accelerations) acceleration += f(state);
+  const Vec<Dim> of_all = acceleration(state);
   Real* nodes = state.fields.template data<Real>(state.nodes);
   Real work = 0;
   for (int r = 0; r < system_.rows(); ++r) {
     const Vec<Dim> v = system_.velocity(r);
-    work += state.dt * system_.mass(r) * acceleration.dot(v);
+    work += state.dt * system_.mass(r) * of_all.dot(v);
     for (int a = 0; a < Dim; ++a) nodes[system_.node(r) * node_values + static_cast<std::size_t>(a)] = v[a];
   }
   if (!stages_.hooks().accelerations.empty()) state.ledger["external_work"] += work;
@@ -144,9 +148,8 @@ void ImplicitIntegrator<Dim>::step(State<Dim>& state) {
     if (state.dt / 2 < least_step * wanted)
       throw NumericalFailure(
           fmt::format("an implicit step fails even with dt = {:.3g} s: {}; is something free to move that "
-                      "nothing holds, or is the load "
-                      "more than the material bears? Try a smaller time.max_dt, newton.max_iterations, or "
-                      "inertia (\"implicit\")",
+                      "nothing holds, or is the load more than the material bears? Try a smaller time.max_dt, "
+                      "more newton.max_iterations, or inertia (\"implicit\")",
                       state.dt, failure_));
     state.dt /= 2;
     auto saved = velocities.begin();

@@ -17,7 +17,6 @@ class ImplicitIntegrator final : public Integrator<Dim> {
   struct Options {
     ImplicitOptions system;
     Real cfl = 0.4;  // share of a cell that particles may travel in a step
-    Real first_step = std::numeric_limits<Real>::infinity();  // [s]
     Real largest_step = std::numeric_limits<Real>::infinity();
   };
   // Steps below this share of the largest that succeeded (or was tried first) end the run.
@@ -38,6 +37,7 @@ class ImplicitIntegrator final : public Integrator<Dim> {
 
  private:
   bool attempt(State<Dim>& state);
+  Vec<Dim> acceleration(const State<Dim>& state) const;  // of all matter [m/s^2]
   void take_velocities(State<Dim>& state);
   Real fastest(const State<Dim>& state) const;
 

@@ -87,25 +87,36 @@ void Walls<Dim>::find_mirrors(const GridGeometry<Dim>& grid) {
   }
 }
 
-// The nodes on and beyond each plane: the equations of an implicit step don't know of mirrors.
+// Calls f(values, reached) for each owned node with mass on or beyond one of the sides that act; reached(side) tells which.
+template <int Dim>
+template <class T, class Acts, class F>
+void Walls<Dim>::for_nodes_beyond(const State<Dim>& state, Acts&& acts, F&& f) const {
+  auto reached = [&](int side, int node) {
+    return sides_[side] && acts(side) && (side % 2 ? node >= limit_[side] : node <= limit_[side]);
+  };
+  for (Slot s = 0; s < state.topology().owned(); ++s) {
+    const IntVec<Dim> first = state.topology().first_node(s);
+    bool touched = false;
+    for (int side = 0; side < 2 * Dim; ++side)
+      touched = touched || reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0));
+    if (!touched) continue;
+    for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
+      f(values, [&](int side) { return reached(side, node[side / 2]); });
+    });
+  }
+}
+
+// All sides: the equations of an implicit step don't know of mirrors.
 template <int Dim>
 void Walls<Dim>::constrain(State<Dim>& state, NodeConstraints<Dim>& constraints) {
   constraints.begin(reaction_);
-  const GridGeometry<Dim>& grid = state.geometry();
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
-    for (Slot s = 0; s < state.topology().owned(); ++s)
-      for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
-        const Vec<Dim> x = grid.node_position(node);
-        for (int side = 0; side < 2 * Dim; ++side) {
-          if (!sides_[side]) continue;
-          const int a = side / 2;
-          const Vec<Dim> inward = (side % 2 ? -1.0 : 1.0) * Vec<Dim>::Unit(a);
-          const Real depth = inward[a] * (x[a] - (side % 2 ? grid.upper()[a] : grid.lower()[a]));
-          if (depth > surface_tolerance * grid.spacing()) continue;
-          constraints.touch(state.number_of_node(values), *sides_[side], inward, Vec<Dim>::Zero());
-        }
-      });
+    for_nodes_beyond<T>(state, [](int) { return true; }, [&](const T* values, auto&& reached) {
+      for (int side = 0; side < 2 * Dim; ++side)
+        if (reached(side))
+          constraints.touch(state.number_of_node(values), *sides_[side], inward<Dim>(side), Vec<Dim>::Zero());
+    });
   });
 }
 
@@ -202,23 +213,13 @@ void Walls<Dim>::reflect(State<Dim>& state) {
 template <int Dim>
 template <class T>
 void Walls<Dim>::touch(State<Dim>& state) {
-  auto reached = [&](int side, int node) {
-    return sides_[side] && !mirrors_.has(side) && (side % 2 ? node >= limit_[side] : node <= limit_[side]);
-  };
-  for (Slot s = 0; s < state.topology().owned(); ++s) {
-    const IntVec<Dim> first = state.topology().first_node(s);
-    bool touched = false;
+  for_nodes_beyond<T>(state, [&](int side) { return !mirrors_.has(side); }, [&](T* values, auto&& reached) {
+    Vec<Dim> velocity;
+    for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
     for (int side = 0; side < 2 * Dim; ++side)
-      touched = touched || reached(side, first[side / 2] + (side % 2 ? block_side - 1 : 0));
-    if (!touched) continue;
-    for_massive_nodes<T>(state, s, [&](const IntVec<Dim>& node, T* values) {
-      Vec<Dim> velocity;
-      for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
-      for (int side = 0; side < 2 * Dim; ++side)
-        if (reached(side, node[side / 2])) velocity = sides_[side]->apply(inward<Dim>(side), velocity);
-      exchange_.set_velocity(values, velocity);
-    });
-  }
+      if (reached(side)) velocity = sides_[side]->apply(inward<Dim>(side), velocity);
+    exchange_.set_velocity(values, velocity);
+  });
 }
 
 // The nodes beyond the mirrors once more, after what obstacles and grips did to those inside.

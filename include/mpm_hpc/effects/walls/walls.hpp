@@ -39,6 +39,8 @@ class Walls final : public Effect<Dim> {
   MemoryAccount memory() const override { return {{"walls/mirrored nodes", mirrors_.allocated_bytes()}}; }
 
  private:
+  template <class T, class Acts, class F>
+  void for_nodes_beyond(const State<Dim>& state, Acts&& acts, F&& f) const;
   void constrain(State<Dim>& state, NodeConstraints<Dim>& constraints);
   using Member = typename Mirrors<Dim>::Member;
   using Group = typename Mirrors<Dim>::Group;
