@@ -253,7 +253,7 @@ Real Run<Dim>::choose_step() {
   }
   Real dt = std::min(stable, scene_.time.max_dt.value_or(std::numeric_limits<Real>::infinity()));
   const Real left = next_event() - state_.time;
-  if (left <= dt) return left;
+  if (left <= dt * (1 + time_tolerance)) return left;
   return left < 2 * dt ? left / 2 : dt;  // two halves rather than a whole step and a tiny one
 }
 

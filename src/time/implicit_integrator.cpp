@@ -20,9 +20,35 @@ ImplicitIntegrator<Dim>::ImplicitIntegrator(State<Dim>& state, StepHooks<Dim> ho
   debug_check(stages_.hooks().implicit, "the effects joined the hooks of an explicit step");
   state.step_limit = options_.largest_step;
   state.inertia = options_.system.inertia;
-  state.accounts.push_back([this] { return system_.memory(); });
+  state.accounts.push_back([this] {
+    MemoryAccount account = system_.memory();
+    account.emplace_back("implicit/copies of columns", loaded_.allocated_bytes() + staggered_.allocated_bytes() +
+                                                           compared_.allocated_bytes() + deformed_.allocated_bytes());
+    return account;
+  });
   state.solvers["newton"];
   state.solvers["newton_krylov"];
+  plan_copies(state);
+}
+
+template <int Dim>
+void ImplicitIntegrator<Dim>::plan_copies(const State<Dim>& state) {
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) loaded_.add(b, core::velocity);
+  pass_tolerance_ = std::numeric_limits<Real>::infinity();
+  for (const StaggeredField<Dim>& field : stages_.hooks().staggered) {
+    most_passes_ = std::max(most_passes_, field.most_passes);
+    pass_tolerance_ = std::min(pass_tolerance_, field.tolerance);
+    for (const auto& column : field.columns) {
+      staggered_.add(column.body, column.field);
+      if (column.compared) compared_.add(column.body, column.field);
+    }
+  }
+  if (stages_.hooks().staggered.empty()) return;
+  for (std::size_t b = 0; b < state.bodies.size(); ++b) {
+    if (state.bodies[b].particles.has(core::deformation_gradient)) deformed_.add(b, core::deformation_gradient);
+    const int own = static_cast<int>(state.material_of(b).own_columns().size());
+    for (int k = 0; k < own; ++k) deformed_.add(b, core::count + k);
+  }
 }
 
 template <int Dim>
@@ -57,10 +83,40 @@ void ImplicitIntegrator<Dim>::prepare(State<Dim>& state) {
   contacts_.apply(system_);
 }
 
-// One solve with state.dt; failure_ says why it returns false. The particles' velocities are spoilt then.
+// One step's solves with state.dt; failure_ says why it returns false. The particles' velocities and staggered columns are
+// spoilt then.
 template <int Dim>
 bool ImplicitIntegrator<Dim>::attempt(State<Dim>& state) {
   prepare(state);
+  for (int pass = 1; pass <= most_passes_; ++pass) {
+    if (!solve_contacts(state)) return false;
+    const Real travel = state.dt * fastest(state);
+    if (travel > state.geometry().spacing()) {
+      failure_ = fmt::format("material would travel {:.3g} cells", travel / state.geometry().spacing());
+      return false;
+    }
+    if (staggered_.empty() || staggered_pass(state) <= pass_tolerance_) return true;
+  }
+  if (most_passes_ > 1) state.guards["staggered_passes_still_changing"] += state.communicator().root();
+  return true;
+}
+
+// The staggered fields with the solution's deformation. Returns their largest change since the last pass.
+template <int Dim>
+Real ImplicitIntegrator<Dim>::staggered_pass(State<Dim>& state) {
+  state.solvers["staggered_passes"].solves += 1;
+  compared_.save(state);
+  staggered_.restore(state);
+  deformed_.save(state);
+  system_.deform(state);
+  for (const auto& field : stages_.hooks().staggered) field.pass(state);
+  deformed_.restore(state);
+  return state.communicator().max(compared_.largest_change(state));
+}
+
+// Velocities for the staggered fields as they are, with contacts that open and close until they fit them.
+template <int Dim>
+bool ImplicitIntegrator<Dim>::solve_contacts(State<Dim>& state) {
   SolverWork &newton = state.solvers["newton"], &krylov = state.solvers["newton_krylov"];
   for (int pass = 0;; ++pass) {
     if (pass > 0) contacts_.apply(system_);
@@ -78,18 +134,12 @@ bool ImplicitIntegrator<Dim>::attempt(State<Dim>& state) {
     }
     const GlobalIndex changes =
         state.communicator().sum(contacts_.update(system_, state.communicator(), pass));
-    if (changes == 0) break;
+    if (changes == 0) return true;
     if (pass == most_contact_passes) {
       state.guards["contact_states_still_changing"] += state.communicator().root();
-      break;
+      return true;
     }
   }
-  const Real travel = state.dt * fastest(state);
-  if (travel > state.geometry().spacing()) {
-    failure_ = fmt::format("material would travel {:.3g} cells", travel / state.geometry().spacing());
-    return false;
-  }
-  return true;
 }
 
 // Of the nodes that carry particles: one that hardly has weight moves far without moving anything.
@@ -124,20 +174,14 @@ void ImplicitIntegrator<Dim>::take_velocities(State<Dim>& state) {
 template <int Dim>
 void ImplicitIntegrator<Dim>::step(State<Dim>& state) {
   stages_.sort(state, true);
-  // What a failed attempt spoils: loads act on the particles' velocities.
-  std::vector<std::vector<Real>> velocities;
-  auto for_columns = [&](auto&& f) {
-    for (Body<Dim>& body : state.bodies)
-      for (int a = 0; a < Dim; ++a)
-        f(body.particles.template data<Real>(core::velocity, a), body.particles.size());
-  };
   if (!options_.system.inertia)
     for (Body<Dim>& body : state.bodies)
       for (const FieldId f : {core::velocity, core::velocity_gradient, body.velocity_modes})
         if (f != no_field)
           for (int c = 0; c < body.particles.traits(f).components; ++c)
             std::fill_n(body.particles.template data<Real>(f, c), body.particles.size(), 0.0);
-  for_columns([&](Real* v, Index count) { velocities.emplace_back(v, v + count); });
+  loaded_.save(state);
+  staggered_.save(state);
   const Ledger ledger = state.ledger;
 
   bool failed = false;
@@ -152,8 +196,8 @@ void ImplicitIntegrator<Dim>::step(State<Dim>& state) {
                       "more newton.max_iterations, or inertia (\"implicit\")",
                       state.dt, failure_));
     state.dt /= 2;
-    auto saved = velocities.begin();
-    for_columns([&](Real* v, Index) { std::copy(saved->begin(), saved->end(), v), ++saved; });
+    loaded_.restore(state);
+    staggered_.restore(state);
     state.ledger = ledger;
   }
   take_velocities(state);

@@ -221,7 +221,7 @@ template <int Dim>
 Real ImplicitSystem<Dim>::residual(State<Dim>& state, const Real* v, Real* gradient, bool constrained) {
   forces(state, v, true);
   sum_to_rows(state, force_, gradient);
-  std::vector<Real> squares(3, 0.0);
+  std::vector<Real> squares(4, 0.0);
   for (std::size_t r = 0; r < rows_.size(); ++r)
     for (int a = 0; a < Dim; ++a) {
       const std::size_t k = r * Dim + a;
@@ -229,11 +229,14 @@ Real ImplicitSystem<Dim>::residual(State<Dim>& state, const Real* v, Real* gradi
       squares[0] += elastic * elastic;
       squares[1] += inertia * inertia;
       squares[2] += load_[k] * load_[k];
+      if (options_.inertia) squares[3] += std::pow(mass_[r] * v[k], 2);
       gradient[k] = inertia + elastic - load_[k];
     }
   state.communicator().sum(squares);
   if (constrained) project(gradient);
-  return std::sqrt(*std::max_element(squares.begin(), squares.end())) + rounding_ / options_.newton.tolerance;
+  // A change of velocity has the rounding errors of the velocity.
+  const Real rounding = rounding_ + 1e-15 * std::sqrt(squares[3]);
+  return std::sqrt(*std::max_element(squares.begin(), squares.begin() + 3)) + rounding / options_.newton.tolerance;
 }
 
 template <int Dim>
@@ -361,6 +364,14 @@ NewtonResult ImplicitSystem<Dim>::solve(State<Dim>& state) {
   reaction_.resize(x_.size());
   if (result.converged) residual(state, x_.data(), reaction_.data(), false);
   return result;
+}
+
+template <int Dim>
+void ImplicitSystem<Dim>::deform(State<Dim>& state) {
+  const DeformationStep step{dt_, DeformationUpdate::first_order};
+  sweep(state, x_.data(), [&](std::size_t b, const Chunk& chunk, Columns& columns) {
+    state.material_of(b).advance(material_columns<Real>(state, b), columns.gradient, step, chunk.begin, chunk.end);
+  });
 }
 
 template <int Dim>

@@ -14,6 +14,22 @@
 
 namespace mpm {
 
+// A field that implicit steps solve for in turn with the velocities.
+template <int Dim>
+struct StaggeredField {
+  struct Column {
+    std::size_t body;
+    FieldId field;
+    bool compared = false;  // its values tell whether the passes have converged
+  };
+  // Everything that a pass changes of the particles. Each pass finds them as they were before the step.
+  std::vector<Column> columns;
+  // Solves on particles that are deformed as the step will leave them, in their places before it. Collective.
+  std::function<void(State<Dim>&)> pass;
+  int most_passes = 1;
+  Real tolerance = 0;  // largest change of a compared value from one pass to the next that ends them
+};
+
 // Where effects join the step (design: before_p2g | P2G, on_p2g | halo sum | on_grid, end_of_grid | halo fill | G2P, on_g2p
 // | after_g2p). Empty hooks cost one test per step.
 template <int Dim>
@@ -35,6 +51,8 @@ struct StepHooks {
   bool implicit = false;
   std::vector<std::function<Vec<Dim>(const State<Dim>&)>> accelerations;  // of all matter [m/s^2]
   std::vector<std::function<void(State<Dim>&, NodeConstraints<Dim>&)>> constraints;
+  // Instead of the hooks around the transfers, for what the deformation drives and what weakens the stress in turn.
+  std::vector<StaggeredField<Dim>> staggered;
 };
 
 // One number of a history row. Parts of the ranks are combined by `kind`.

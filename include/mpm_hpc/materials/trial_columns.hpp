@@ -16,7 +16,7 @@ struct TrialColumns {
   double* stress[Dim * Dim] = {};
   // d^2 (V0 Psi) / d L_ab d L_cd [J] at the entry (a * Dim + b, c * Dim + d) of a symmetric tensor; null: not wanted
   double* tangent[tangent_size] = {};
-  double* modulus = nullptr;  // V0 times the modulus of waves [J]; null: not wanted
+  double* modulus = nullptr;  // V0 times the modulus of waves, degraded like the stress [J]; null: not wanted
   bool project = true;        // whether the tangent is made semi-definite
 };
 

@@ -70,7 +70,7 @@ TrialSums trial_run(const Law& law, const MaterialColumns<Dim, double>& columns,
     const S factor = load<S>(weight + (p - begin));
     const S modulus = factor * law.wave_modulus(F);
     magnitude += modulus;
-    if (out.modulus) store(out.modulus + at, modulus);
+    S stiffness = modulus;
     auto respond = [&](const auto& any_law, const SymTensor<S, Dim>& tau, const S& density) {
       if (out.stress[0]) store_tensor(out.stress, at, factor * trial_stress(any_law, tau, F, before));
       if (out.tangent[0])
@@ -82,9 +82,11 @@ TrialSums trial_run(const Law& law, const MaterialColumns<Dim, double>& columns,
       degraded = columns.phase != nullptr;
       if (degraded) {
         const S g = degradation<S>(columns, p);
+        stiffness *= g;
         respond(DegradedLaw<Law, S>{law, g}, law.kirchhoff_stress_degraded(F, g), law.energy_degraded(F, g));
       }
     }
+    if (out.modulus) store(out.modulus + at, stiffness);
     if (!degraded) respond(law, law.kirchhoff_stress(F), law.energy_density(F));
     min_J = minimum<S>(min_J, determinant(F));
   }

@@ -5,11 +5,13 @@
 #include "mpm_hpc/time/grid_stages.hpp"
 #include "mpm_hpc/time/implicit_system.hpp"
 #include "mpm_hpc/time/integrator.hpp"
+#include "mpm_hpc/time/particle_copies.hpp"
 
 namespace mpm {
 
-// Elastic trial stresses are in the solve; a plasticity rule returns the particles after it. The phase field is staggered:
-// one pass, with the cracks as they were before the step. A step whose Newton iteration fails is tried again with half its
+// Elastic trial stresses are in the solve; a plasticity rule returns the particles after it. What the deformation drives and
+// what weakens the stress in turn, the phase field, is staggered: the velocities are solved for with the cracks as they are,
+// the cracks with the particles deformed as these velocities will do it, and so on. A step whose Newton iteration fails is tried again with half its
 // length, from the particles as they were; after a success the length grows again.
 template <int Dim>
 class ImplicitIntegrator final : public Integrator<Dim> {
@@ -37,6 +39,9 @@ class ImplicitIntegrator final : public Integrator<Dim> {
 
  private:
   bool attempt(State<Dim>& state);
+  bool solve_contacts(State<Dim>& state);
+  Real staggered_pass(State<Dim>& state);
+  void plan_copies(const State<Dim>& state);
   Vec<Dim> acceleration(const State<Dim>& state) const;  // of all matter [m/s^2]
   void take_velocities(State<Dim>& state);
   Real fastest(const State<Dim>& state) const;
@@ -46,6 +51,11 @@ class ImplicitIntegrator final : public Integrator<Dim> {
   ImplicitSystem<Dim> system_;
   NodeConstraints<Dim> constraints_;
   ContactStates<Dim> contacts_;
+  // What a failed attempt spoils: loads act on the particles' velocities; what a pass of the staggered fields finds; what
+  // deform() changes.
+  ParticleCopies<Dim> loaded_, staggered_, compared_, deformed_;
+  int most_passes_ = 1;
+  Real pass_tolerance_ = 0;
   NewtonResult result_;
   std::string failure_;
   const char* bound_by_ = "nothing";

@@ -53,6 +53,9 @@ class ImplicitSystem {
   // Minimises E from the present velocities on.
   NewtonResult solve(State<Dim>& state);
 
+  // Deforms the particles as the solution does, plastic return included, without moving them.
+  void deform(State<Dim>& state);
+
   // Exposed for tests, row by row: E at velocities v, its gradient, its tangent put in place, and this times d.
   NewtonProblem::Potential potential(State<Dim>& state, const Real* v);
   Real residual(State<Dim>& state, const Real* v, Real* gradient, bool constrained = true);

@@ -69,6 +69,14 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
           .doc = "Largest error of c from solving only where particles are driven or damaged, and around; 0 solves everywhere."});
   active_ = ActiveSet<Dim>(active_tolerance);
   p.integer("max_iterations", solver_options_.max_iterations, {.min = 1, .doc = "Largest number of PCG iterations."});
+  p.integer("passes", passes_,
+            {.min = 1,
+             .doc = "Implicit and quasi-static steps: how often at most the velocities and the cracks are solved in turn."});
+  p.real("pass_tolerance", pass_tolerance_,
+         {.min = 0,
+          .min_exclusive = true,
+          .max = 1,
+          .doc = "Largest change of c at a particle from one pass to the next that ends the passes; default 1e-3."});
   p.section_list("crack", SectionOptions("A region that is broken from the start."), [this](Parameters& q, int) {
     cracks_.push_back({q.where(), {}});
     declare_shape<Dim>(q, "shape", cracks_.back().shape, true, "Particles inside start with c = 0.");
@@ -173,6 +181,13 @@ void PhaseField<Dim>::initialise(State<Dim>& state) {
 
 template <int Dim>
 void PhaseField<Dim>::join(StepHooks<Dim>& hooks) {
+  if (hooks.implicit) {
+    hooks.staggered.push_back(staggered());
+    return;
+  }
+  require(passes_ == 1,
+          "{}: passes = {} needs time.integrator = \"implicit\" or \"quasi_static\"; an explicit step has one pass",
+          where_, passes_);
   hooks.before_p2g.push_back([this](State<Dim>& s) {
     find_active(s);
     system_->begin(s);

@@ -35,6 +35,12 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, const Lin
 }
 
 template <int Dim>
+std::vector<FieldId> PhaseSystem<Dim>::sums() const {
+  if (sums_ == Sums::mass_only) return {mass_sum_, diagonal_};
+  return {values_, diagonal_};
+}
+
+template <int Dim>
 void PhaseSystem<Dim>::begin(const State<Dim>& state) {
   if (form_ == Form::particles) return;
   const std::size_t block = OperatorStencil<Kernel, Dim>::block_values *

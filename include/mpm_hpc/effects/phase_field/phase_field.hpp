@@ -45,6 +45,8 @@ class PhaseField final : public Effect<Dim> {
   template <class T>
   class PhaseOnly;
 
+  StaggeredField<Dim> staggered();
+  void pass(State<Dim>& state);
   void find_active(State<Dim>& state);
   void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
   void solve(State<Dim>& state);
@@ -57,6 +59,8 @@ class PhaseField final : public Effect<Dim> {
   std::optional<Real> mobility_;  // M_c [1/s]; none: rate-independent
   Real residual_ = 1e-3;
   bool running_maximum_ = false, corrected_ = true, lumped_ = false, by_increment_ = false;
+  int passes_ = 1;  // of implicit steps
+  Real pass_tolerance_ = 1e-3;
   std::string operator_ = "auto";
   LinearSolverOptions solver_options_;
   ActiveSet<Dim> active_{0};

@@ -47,6 +47,8 @@ class PhaseSystem {
   // With mass_only: whether the next solve starts from values(), which somebody must fill before. The same on all ranks.
   bool starts_from_values(const State<Dim>& state) const;
   FieldId diagonal() const { return diagonal_; }
+  // All that the particles fill and the halo sums.
+  std::vector<FieldId> sums() const;
   // ... and what comes back to them, which the halo fill carries.
   FieldId result() const { return result_; }
   enum Value { mass_term, right_hand_side, weighted_phase, weight };
