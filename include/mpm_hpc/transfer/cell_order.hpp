@@ -39,11 +39,14 @@ class CellOrder {
     if (count % 2 != 0) order_[count_[cell_of(count - 1)][1]++] = static_cast<std::uint16_t>(count - 1);
   }
 
-  // f(cell, particles, count) for each cell that has particles, in ascending order.
+  // The particles, cell by cell.
+  const std::uint16_t* order() const { return order_.data(); }
+
+  // f(cell, begin, end) for each cell that has particles, in ascending order; they are those at [begin, end) of order().
   template <class F>
   void for_each_cell(F&& f) const {
     for (int c = 0; c < Cells; ++c)
-      if (start_[c + 1] > start_[c]) f(c, order_.data() + start_[c], start_[c + 1] - start_[c]);
+      if (start_[c + 1] > start_[c]) f(c, start_[c], start_[c + 1]);
   }
 
  private:

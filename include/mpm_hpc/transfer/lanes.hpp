@@ -68,13 +68,9 @@ struct LanePlace {
     }
   }
 
-  // Node number in the tile of each lane's first stencil node.
-  S tile_node() const {
-    constexpr int side = Tile<Kernel, Dim, T>::side;
-    S node = first[0];
-    for (int a = 1; a < Dim; ++a) node = node * static_cast<T>(side) + first[a];
-    return node;
-  }
+  // Node number in the tile of each lane's first stencil node, and the number of its cell.
+  S tile_node() const { return number(Tile<Kernel, Dim, T>::side); }
+  S cell() const { return number(Tile<Kernel, Dim, T>::cell_side); }
 
   // Hands each lane's node and weights to its row; RowOfParticle has w[direction][4] and tile_node.
   template <class RowOfParticle>
@@ -112,6 +108,13 @@ struct LanePlace {
     for (int a = 0; a < Dim; ++a)
       sum += select_less<S>(below, first[a], select_less<S>(first[a], above, zero, one), one);
     return sum;
+  }
+
+ private:
+  S number(int side) const {
+    S n = first[0];
+    for (int a = 1; a < Dim; ++a) n = n * static_cast<T>(side) + first[a];
+    return n;
   }
 };
 

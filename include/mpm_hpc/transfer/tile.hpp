@@ -2,6 +2,7 @@
 // to the sparse grid as a whole.
 #pragma once
 
+#include <array>
 #include <cstring>
 
 #include "mpm_hpc/fields/grid_fields.hpp"
@@ -20,6 +21,20 @@ struct Tile {
 
   // Rows are read four nodes at a time, so the last one needs room behind it.
   alignas(64) T data[(nodes + row_nodes) * Values];
+
+  // Cells are numbered by their stencil's first node, which leaves room for the others.
+  static constexpr int cell_side = side - Kernel::support + 1;
+  static constexpr int cells = Dim == 2 ? cell_side * cell_side : cell_side * cell_side * cell_side;
+  static std::array<int, Dim> first_node_of_cell(int cell) {
+    std::array<int, Dim> first;
+    for (int a = Dim - 1; a >= 0; --a, cell /= cell_side) first[a] = cell % cell_side;
+    return first;
+  }
+  static int node(const std::array<int, Dim>& t) {
+    int n = 0;
+    for (int a = 0; a < Dim; ++a) n = n * side + t[a];
+    return n;
+  }
 
   void zero() { std::memset(data, 0, sizeof(data)); }
 
