@@ -242,13 +242,20 @@ template <int Dim>
 void PhaseSystem<Dim>::start_from_last_solution(const State<Dim>& state) {
   if (last_sort_ != state.distribution.sorts()) return;
   for (std::size_t r = 0; r < rows_.size(); ++r)
-    if (const Real last = last_solution_[rows_[r]]; last != no_value) solution_[r] = last;
+    if (const Real last = last_solution_[rows_[r]]; last != no_value) solution_[r] = last + last_change_[rows_[r]];
 }
 
 template <int Dim>
 void PhaseSystem<Dim>::keep_solution(const State<Dim>& state) {
+  const std::size_t nodes = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+  const bool same_nodes = last_sort_ == state.distribution.sorts();
   last_sort_ = state.distribution.sorts();
-  last_solution_.assign(static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>, no_value);
+  last_change_.assign(nodes, 0);
+  if (same_nodes) {
+    for (std::size_t r = 0; r < rows_.size(); ++r)
+      if (const Real last = last_solution_[rows_[r]]; last != no_value) last_change_[rows_[r]] = solution_[r] - last;
+  }
+  last_solution_.assign(nodes, no_value);
   for (std::size_t r = 0; r < rows_.size(); ++r) last_solution_[rows_[r]] = solution_[r];
 }
 
@@ -276,7 +283,8 @@ MemoryAccount PhaseSystem<Dim>::memory() const {
   return {{"phase_field/stencil", entries_.allocated() + capacity_bytes(touched_) + capacity_bytes(inner_) +
                                       capacity_bytes(edge_)},
           {"phase_field/rows", capacity_bytes(rows_) + capacity_bytes(mass_) + capacity_bytes(rhs_) +
-                                   capacity_bytes(solution_) + capacity_bytes(start_) + capacity_bytes(last_solution_)},
+                                   capacity_bytes(solution_) + capacity_bytes(start_) + capacity_bytes(last_solution_) +
+                                   capacity_bytes(last_change_)},
           {"phase_field/matrix rows",
            capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts)},
           {"phase_field/PETSc", solver_.allocated_bytes()}};

@@ -15,8 +15,8 @@ namespace mpm {
 template <int Dim>
 class PhaseSystem {
  public:
-  // How M + H is applied. particles: matrix-free, one sweep over the particles per iteration, the least work if there are
-  // one or two; stencil: one costlier sweep per solve, then a fraction of a sweep per iteration; matrix: the stencil made a
+  // How M + H is applied. particles: matrix-free, one sweep over the particles per iteration; stencil: one costlier
+  // sweep per solve, then a small part of a sweep per iteration, the least work from the first on; matrix: the stencil made a
   // PETSc matrix, for the preconditioners that need its entries.
   enum class Form { particles, stencil, matrix };
   // What the form `particles` needs of a body that can fracture: its number and the columns V_p 4 l0^2 and, unless the
@@ -92,7 +92,7 @@ class PhaseSystem {
   // The last solution by owned node, a far better start than the smoothed c^n; no_value where there is none. It dies with
   // the blocks at the next sort, and so it is gone at a checkpoint whether the run goes on or restarts.
   static constexpr Real no_value = std::numeric_limits<Real>::max();
-  std::vector<Real> last_solution_;
+  std::vector<Real> last_solution_, last_change_;
   int last_sort_ = -1;
   // The operator's stencil, this rank's part of the sum; blocks that it has entries in, and of them those that no ghost
   // has to do with, and the others.
