@@ -165,7 +165,10 @@ void row_stage(const FormParticle<Form, T>* particles, int count, T* tile) {
   using R = Row<T>;
   const R along = R::spread(Quad<T>{-1, 0, 1, 2});
   const auto repeat = [](const T* quad) { return R::repeat(load_quad(quad)); };
-  for (int p = 0; p < count; ++p) {
+  for (int k = 0; k < count; ++k) {
+    // In 2D the few rows of a particle are those of the one before, which would have to wait until they are stored: two
+    // streams, half a chunk apart.
+    const int p = Dim == 2 ? k % 2 * (count / 2) + k / 2 : k;
     const FormParticle<Form, T>& r = particles[p];
     const R w = R::spread(load_quad(r.w[Dim - 1]));
     R centre = repeat(r.q), slope_x = R::zero(), slope_y = slope_x, twist = slope_x;
