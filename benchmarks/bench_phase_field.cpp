@@ -164,8 +164,7 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
           for (const bool half_broken : {false, true}) {
             // The plain solve of many particles takes long: there only what the program chooses itself.
             const bool many = size.cells > (size.dimension == 3 ? 20 : 128);
-            const bool chosen =
-                std::string_view(form) == (phase == Phase::mobility ? "matrix_free" : "stencil");
+            const bool chosen = std::string_view(form) == "stencil";
             if (!options.large && (single || (many && !chosen))) continue;
             const BlockCase c{single, PlainLaw::split_neo_hookean, phase, size.cells, form, half_broken};
             add_case(

@@ -58,8 +58,7 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
                     "area on this grid."});
   p.choice("operator", operator_, {"auto", "stencil", "matrix_free", "assembled"},
            "How M + H is applied: from numbers on the nodes, by sweeps over the particles, or as a PETSc matrix for other "
-           "preconditioners; auto takes matrix_free with a mobility, where few iterations are needed, stencil without, and assembled "
-           "for a -phase_pc_type that needs it.");
+           "preconditioners; auto takes stencil, and assembled for a -phase_pc_type that needs it.");
   p.real("tolerance", solver_options_.relative_tolerance,
          {.min = 0, .min_exclusive = true, .max = 1, .max_exclusive = true, .doc = "Relative tolerance of the solve."});
   Real active_tolerance = 1e-6;
@@ -101,7 +100,7 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
           "{}: the phase field is solved on the quadratic kernel only; set grid.kernel = \"quadratic\"", where_);
   const Real spacing = state.geometry().spacing();
   const std::string preconditioner = LinearSolver::preconditioner_of_entries(PhaseSystem<Dim>::options_prefix);
-  if (operator_ == "auto") operator_ = !preconditioner.empty() ? "assembled" : mobility_ ? "matrix_free" : "stencil";
+  if (operator_ == "auto") operator_ = preconditioner.empty() ? "stencil" : "assembled";
   require(preconditioner.empty() || operator_ == "assembled",
           "{}: operator = \"{}\" has no entries for -{}pc_type {}; take operator = \"assembled\" or the preconditioner jacobi",
           where_, operator_, PhaseSystem<Dim>::options_prefix, preconditioner);
