@@ -89,7 +89,8 @@ class PhaseSystem {
   FieldId values_, mass_sum_ = no_field, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
   std::vector<std::size_t> rows_;  // node of each row: slot * nodes_per_block + node in block
   std::vector<Real> mass_, rhs_, solution_, start_;
-  // The last solution by owned node, a far better start than the smoothed c^n; no_value where there is none. It dies with
+  // The last solution by owned node and its change since the one before, a far better start than the smoothed c^n; no_value
+  // where there is none. It dies with
   // the blocks at the next sort, and so it is gone at a checkpoint whether the run goes on or restarts.
   static constexpr Real no_value = std::numeric_limits<Real>::max();
   std::vector<Real> last_solution_, last_change_;
