@@ -248,6 +248,7 @@ template <int Dim>
 void GridStages<Dim>::on_grid(State<Dim>& state) {
   run(state, hooks_.on_grid);
   run(state, hooks_.end_of_grid);
+  run(state, hooks_.after_grid);
 }
 
 template <int Dim>

@@ -112,6 +112,21 @@ class EffectsWorld : public testing::Test {
     state.communicator().sum(sums);
     return {sums[Dim], sums[Dim + 1], Eigen::Map<const V>(sums.data())};
   }
+  std::vector<V> velocities() {
+    std::vector<V> of_nodes;
+    for_nodes([&](const V&, const T* values) { of_nodes.push_back(velocity_of(values)); });
+    return of_nodes;
+  }
+  // Force times way of all that acted on the nodes since then: their impulses times the velocity that they have now.
+  Real work_since(const std::vector<V>& before) {
+    Real work = 0;
+    std::size_t n = 0;
+    for_nodes([&](const V&, const T* values) {
+      const V now = velocity_of(values);
+      work += values[Dim] * (now - before[n++]).dot(now);
+    });
+    return state.communicator().sum(work);
+  }
   Real external_work() { return state.communicator().sum(state.ledger["external_work"]); }
   V reaction(Effect<Dim>& effect, const std::string& name) {
     std::vector<HistoryValue> row;
@@ -150,6 +165,7 @@ class EffectsWorld : public testing::Test {
   void run_grid() {
     run(hooks.on_grid);
     run(hooks.end_of_grid);
+    run(hooks.after_grid);
   }
 
   State<Dim> state;

@@ -36,7 +36,7 @@ class SceneWorld {
     for (FieldId f : summed) state.fields.zero(f);
     run_ranges(hooks.on_p2g);
     state.halo().sum(state.fields, summed);
-    for (const auto* stage : {&hooks.on_grid, &hooks.end_of_grid})
+    for (const auto* stage : {&hooks.on_grid, &hooks.end_of_grid, &hooks.after_grid})
       for (const auto& hook : *stage) hook(state);
     state.halo().fill(state.fields, filled);
     run_ranges(hooks.on_g2p);

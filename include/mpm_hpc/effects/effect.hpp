@@ -30,8 +30,8 @@ struct StaggeredField {
   Real tolerance = 0;  // largest change of a compared value from one pass to the next that ends them
 };
 
-// Where effects join the step (design: before_p2g | P2G, on_p2g | halo sum | on_grid, end_of_grid | halo fill | G2P, on_g2p
-// | after_g2p). Empty hooks cost one test per step.
+// Where effects join the step (design: before_p2g | P2G, on_p2g | halo sum | on_grid, end_of_grid, after_grid | halo fill |
+// G2P, on_g2p | after_g2p). Empty hooks cost one test per step.
 template <int Dim>
 struct StepHooks {
   using Hook = std::function<void(State<Dim>&)>;
@@ -43,6 +43,7 @@ struct StepHooks {
   std::vector<RangeHook> on_p2g;
   std::vector<Hook> on_grid;  // owned nodes hold velocities and mass
   std::vector<Hook> end_of_grid;  // the same, after all of on_grid: what holds whatever those did
+  std::vector<Hook> after_grid;   // the velocities are those that the particles will move with: work is accounted
   std::vector<RangeHook> on_g2p;
   std::vector<Hook> after_g2p;
 

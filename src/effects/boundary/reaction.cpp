@@ -23,12 +23,32 @@ std::string read_effect_name(Parameters& p, const std::string& kind) {
 }
 
 template <int Dim>
+Exchange<Dim> NodeImpulses<Dim>::take(const State<Dim>& state) {
+  Exchange<Dim> sum;
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    const T* nodes = state.fields.template data<T>(state.nodes);
+    for (const auto& [node, impulse] : given_) {
+      sum.impulse += impulse;
+      for (int a = 0; a < Dim; ++a) sum.work += impulse[a] * nodes[node * node_values + static_cast<std::size_t>(a)];
+    }
+  });
+  given_.clear();
+  return sum;
+}
+
+template <int Dim>
 void Reaction<Dim>::declare(State<Dim>& state) const {
   require(!state.ledger.entries().contains(impulse_entry(0)),
           "{}: another effect is already called \"{}\"; give each obstacle and grip a name of its own.",
           where_, name_);
   state.ledger["external_work"];
   for (int a = 0; a < Dim; ++a) state.ledger[impulse_entry(a)] = 0;
+}
+
+template <int Dim>
+void Reaction<Dim>::join(StepHooks<Dim>& hooks) {
+  hooks.after_grid.push_back([this](State<Dim>& state) { add(state, impulses_.take(state)); });
 }
 
 template <int Dim>
@@ -59,6 +79,8 @@ void Reaction<Dim>::restore(const std::map<std::string, std::vector<Real>>& numb
   span_ = found == numbers.end() ? 0 : found->second.at(0);  // a run may go on with an obstacle that is new
 }
 
+template class NodeImpulses<2>;
+template class NodeImpulses<3>;
 template class Reaction<2>;
 template class Reaction<3>;
 

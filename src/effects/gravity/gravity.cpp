@@ -29,23 +29,34 @@ void Gravity<Dim>::join(StepHooks<Dim>& hooks) {
     hooks.accelerations.push_back([this](const State<Dim>&) { return acceleration_; });
   } else {
     hooks.on_grid.push_back([this](State<Dim>& state) { accelerate(state); });
+    hooks.after_grid.push_back([this](State<Dim>& state) { account(state); });
   }
 }
 
 template <int Dim>
 void Gravity<Dim>::accelerate(State<Dim>& state) const {
   const Vec<Dim> change = state.dt * acceleration_;
-  Exchange<Dim> exchange;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for (Slot s = 0; s < state.topology().owned(); ++s)
       for_massive_nodes<T>(state, s, [&](const IntVec<Dim>&, T* values) {
-        Vec<Dim> velocity;
-        for (int a = 0; a < Dim; ++a) velocity[a] = values[a] + change[a];
-        exchange.set_velocity(values, velocity);
+        for (int a = 0; a < Dim; ++a) values[a] = static_cast<T>(values[a] + change[a]);
       });
   });
-  state.ledger["external_work"] += exchange.work;
+}
+
+// Weight times the way that the material takes in the step, for the reason of NodeImpulses.
+template <int Dim>
+void Gravity<Dim>::account(State<Dim>& state) const {
+  Vec<Dim> momentum = Vec<Dim>::Zero();
+  with_precision(state.precision, [&](auto zero) {
+    using T = decltype(zero);
+    for (Slot s = 0; s < state.topology().owned(); ++s)
+      for_massive_nodes<T>(state, s, [&](const IntVec<Dim>&, T* values) {
+        for (int a = 0; a < Dim; ++a) momentum[a] += static_cast<Real>(values[Dim]) * values[a];
+      });
+  });
+  state.ledger["external_work"] += state.dt * acceleration_.dot(momentum);
 }
 
 template class Gravity<2>;

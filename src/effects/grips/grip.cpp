@@ -61,23 +61,22 @@ void Grip<Dim>::join(StepHooks<Dim>& hooks) {
     });
   } else {
     hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+    reaction_.join(hooks);
   }
 }
 
 template <int Dim>
 void Grip<Dim>::act(State<Dim>& state) {
   const RigidStep<Dim> step = motion_.step(state.time, state.dt);
-  Exchange<Dim> exchange;
   with_precision(state.precision, [&](auto zero) {
     using T = decltype(zero);
     for_nodes_inside<T>(state, shape_, step.pose, [&](const Vec<Dim>&, const Vec<Dim>& x, T* values) {
       Vec<Dim> velocity = step.velocity_at(x);
       for (int a = 0; a < Dim; ++a)
         if (!prescribed_[a]) velocity[a] = values[a];
-      exchange.set_velocity(values, velocity);
+      reaction_.impulses().set_velocity(state.number_of_node(values), values, velocity, values[Dim]);
     });
   });
-  reaction_.add(state, exchange);
 }
 
 template class Grip<2>;

@@ -35,6 +35,7 @@ void Obstacle<Dim>::join(StepHooks<Dim>& hooks) {
     });
   } else {
     hooks.on_grid.push_back([this](State<Dim>& state) { act(state); });
+    reaction_.join(hooks);
   }
 }
 
@@ -57,13 +58,12 @@ void Obstacle<Dim>::for_touched(State<Dim>& state, F&& f) const {
 
 template <int Dim>
 void Obstacle<Dim>::act(State<Dim>& state) {
-  Exchange<Dim> exchange;
   for_touched(state, [&](auto* values, const Vec<Dim>& normal, const Vec<Dim>& surface) {
     Vec<Dim> relative;
     for (int a = 0; a < Dim; ++a) relative[a] = values[a] - surface[a];
-    exchange.set_velocity(values, surface + contact_.apply(normal, relative));
+    reaction_.impulses().set_velocity(state.number_of_node(values), values,
+                                      surface + contact_.apply(normal, relative), values[Dim]);
   });
-  reaction_.add(state, exchange);
 }
 
 template class Obstacle<2>;

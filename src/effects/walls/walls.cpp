@@ -128,6 +128,7 @@ void Walls<Dim>::join(StepHooks<Dim>& hooks) {
   }
   if (mirrors_.any()) hooks.on_grid.push_back([this](State<Dim>& state) { reflect(state); });
   hooks.end_of_grid.push_back([this](State<Dim>& state) { finish(state); });
+  reaction_.join(hooks);
 }
 
 // The common velocity of a group, sum m R v / sum m, which keeps its momentum.
@@ -173,11 +174,10 @@ Vec<Dim> Walls<Dim>::rubbed(const Group& group, const T* nodes, Vec<Dim> velocit
   return velocity;
 }
 
-// Sets the velocities of a group's nodes with mass from that of the first.
+// Sets the velocities of a group's nodes with mass from that of the first; the factor is that of NodeImpulses.
 template <int Dim>
 template <class T>
-void Walls<Dim>::give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity,
-                      Exchange<Dim>& exchange) const {
+void Walls<Dim>::give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity, Real factor) {
   const Member* members = mirrors_.members(group);
   for (int i = 0; i < group.count; ++i) {
     const std::size_t node = static_cast<std::size_t>(members[i].node) * node_values;
@@ -186,7 +186,7 @@ void Walls<Dim>::give(const Group& group, const T* masses, T* velocities, const 
     Vec<Dim> turned = velocity;
     for (int a = 0; a < Dim; ++a)
       if (Mirrors<Dim>::in(members[i].turned, a)) turned[a] = -turned[a];
-    exchange.set_velocity(velocities + node, turned, mass);
+    reaction_.impulses().set_velocity(members[i].node, velocities + node, turned, mass, factor);
   }
 }
 
@@ -197,15 +197,13 @@ void Walls<Dim>::reflect(State<Dim>& state) {
     using T = decltype(zero);
     T* nodes = state.fields.template data<T>(state.nodes);
     T* changes = state.transfer.increments() ? state.fields.template data<T>(state.changes) : nullptr;
-    Exchange<Dim> before;
     for (const Group& group : mirrors_.groups()) {
       if (nodes[static_cast<std::size_t>(mirrors_.members(group)->node) * node_values + Dim] == 0) continue;
-      // With increments, these are the velocities before the forces, from which the change is measured.
-      if (changes) give<T>(group, nodes, changes, mean<T>(group, nodes, changes), before);
-      give<T>(group, nodes, nodes, rubbed<T>(group, nodes, mean<T>(group, nodes, nodes)), exchange_);
+      // With increments, these are the velocities before the forces, from which the change is measured. What particles keep
+      // of their own velocity the wall doesn't take from them.
+      if (changes) give<T>(group, nodes, changes, mean<T>(group, nodes, changes), -state.transfer.flip_blend);
+      give<T>(group, nodes, nodes, rubbed<T>(group, nodes, mean<T>(group, nodes, nodes)));
     }
-    // What particles with increments keep of their own velocity the wall doesn't take from them.
-    exchange_.add(before, -state.transfer.flip_blend);
   });
 }
 
@@ -218,7 +216,7 @@ void Walls<Dim>::touch(State<Dim>& state) {
     for (int a = 0; a < Dim; ++a) velocity[a] = values[a];
     for (int side = 0; side < 2 * Dim; ++side)
       if (reached(side)) velocity = sides_[side]->apply(inward<Dim>(side), velocity);
-    exchange_.set_velocity(values, velocity);
+    reaction_.impulses().set_velocity(state.number_of_node(values), values, velocity, values[Dim]);
   });
 }
 
@@ -233,7 +231,7 @@ void Walls<Dim>::follow(State<Dim>& state) {
     if (values[Dim] == 0) return;
     Vec<Dim> velocity;
     for (int a = 0; a < Dim; ++a) velocity[a] = Mirrors<Dim>::in(member.stopped, a) ? 0 : values[a];
-    exchange_.set_velocity(values, velocity);
+    reaction_.impulses().set_velocity(member.node, values, velocity, values[Dim]);
   };
   for (const Group& group : mirrors_.groups()) {
     const Member* members = mirrors_.members(group);
@@ -244,7 +242,7 @@ void Walls<Dim>::follow(State<Dim>& state) {
     }
     Vec<Dim> velocity;
     for (int a = 0; a < Dim; ++a) velocity[a] = Mirrors<Dim>::in(group.vanishing, a) ? 0 : first[a];
-    give<T>(group, nodes, nodes, velocity, exchange_);
+    give<T>(group, nodes, nodes, velocity);
   }
   std::for_each(mirrors_.far_nodes().begin(), mirrors_.far_nodes().end(), stop);
 }
@@ -256,8 +254,6 @@ void Walls<Dim>::finish(State<Dim>& state) {
     touch<T>(state);
     follow<T>(state);
   });
-  reaction_.add(state, exchange_);
-  exchange_ = {};
 }
 
 template class Walls<2>;

@@ -17,6 +17,7 @@ class Gravity final : public Effect<Dim> {
 
  private:
   void accelerate(State<Dim>& state) const;
+  void account(State<Dim>& state) const;
 
   Vec<Dim> acceleration_ = Vec<Dim>::Zero();  // [m/s^2]
 };

@@ -22,6 +22,7 @@ class Obstacle final : public Effect<Dim> {
   void restore(const std::map<std::string, std::vector<Real>>& numbers) override {
     reaction_.restore(numbers);
   }
+  MemoryAccount memory() const override { return reaction_.memory(); }
 
  private:
   void act(State<Dim>& state);

@@ -36,7 +36,11 @@ class Walls final : public Effect<Dim> {
   void restore(const std::map<std::string, std::vector<Real>>& numbers) override {
     reaction_.restore(numbers);
   }
-  MemoryAccount memory() const override { return {{"walls/mirrored nodes", mirrors_.allocated_bytes()}}; }
+  MemoryAccount memory() const override {
+    MemoryAccount account = reaction_.memory();
+    account.emplace_back("walls/mirrored nodes", mirrors_.allocated_bytes());
+    return account;
+  }
 
  private:
   template <class T, class Acts, class F>
@@ -51,8 +55,7 @@ class Walls final : public Effect<Dim> {
   template <class T>
   Vec<Dim> rubbed(const Group& group, const T* nodes, Vec<Dim> velocity) const;
   template <class T>
-  void give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity,
-            Exchange<Dim>& exchange) const;
+  void give(const Group& group, const T* masses, T* velocities, const Vec<Dim>& velocity, Real factor = 1);
   void finish(State<Dim>& state);
   template <class T>
   void touch(State<Dim>& state);
@@ -63,7 +66,6 @@ class Walls final : public Effect<Dim> {
   std::array<std::string, 2 * Dim> where_;             // their places in the scene
   Mirrors<Dim> mirrors_;
   std::array<std::int32_t, 2 * Dim> limit_{};  // the first node on or beyond each plane, counted outwards
-  Exchange<Dim> exchange_;                     // of this rank in the step under way
   Reaction<Dim> reaction_;
 };
 
