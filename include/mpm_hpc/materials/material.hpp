@@ -50,6 +50,9 @@ concept SplitsEnergy = SolidLaw<Law, Dim, S> &&
   { law.energy_plus(F) } -> std::same_as<S>;
   { law.energy_degraded(F, g) } -> std::same_as<S>;
   { law.kirchhoff_stress_degraded(F, g) } -> std::same_as<SymTensor<S, Dim>>;
+  // The bounds of the degraded stress, and of what it may become within one step.
+  { law.stiffness_bound_degraded(F, g) } -> std::same_as<S>;
+  { law.wave_modulus_degraded(F, g) } -> std::same_as<S>;
 };
 
 // First Piola-Kirchhoff stress and its derivative in closed form, for the implicit integrator.

@@ -122,11 +122,23 @@ class MaterialLoops final : public Material<Dim> {
     const S infinity = broadcast<S>(std::numeric_limits<Scalar>::infinity());
     S stiffness = broadcast<S>(0.0), wave_modulus = stiffness, max_J = stiffness, min_J = infinity;
 
+    // columns and p: of the particles whose phase weakens the stress.
+    template <class Point, class T>
+    void include(const Model& model, const Point& point, const Columns<T>& columns, Index p) {
+      if constexpr (splits)
+        if (columns.phase != nullptr) {
+          const S g = degradation<S>(columns, p);
+          // g - g is 0, or NaN for a g that is no finite number, which a maximum of packs may lose.
+          include(model, point, S(model.stiffness_bound_degraded(point, g) + (g - g)),
+                  model.wave_modulus_degraded(point, g));
+          return;
+        }
+      include(model, point, model.stiffness_bound(point), model.wave_modulus(point));
+    }
     template <class Point>
-    void include(const Model& model, const Point& point) {
+    void include(const Model& model, const Point& point, const S& stiffness_bound, const S& modulus_bound) {
       const S J = model.jacobian(point);
-      // J - J is 0, or NaN for a J that is no finite number, which a maximum of packs may lose.
-      const S k = model.stiffness_bound(point) + (J - J), w = model.wave_modulus(point) + (J - J);
+      const S k = stiffness_bound + (J - J), w = modulus_bound + (J - J);  // likewise
       stiffness = maximum<S>(stiffness, select_less<S>(k, infinity, k, infinity));
       wave_modulus = maximum<S>(wave_modulus, select_less<S>(w, infinity, w, infinity));
       min_J = minimum<S>(min_J, select_less<S>(-infinity, J, J, -infinity));
@@ -159,7 +171,7 @@ class MaterialLoops final : public Material<Dim> {
     LimitPacks<S> limits;
     Tally<S> tally;
     for (Index p = begin; p < end; p += PackTraits<S>::width)
-      limits.include(model, model.template advance<S>(c, gradient, step, p, begin, tally));
+      limits.include(model, model.template advance<S>(c, gradient, step, p, begin, tally), c, p);
     MaterialUpdate update{.limits = limits.limits(model.viscosity())};
     if constexpr (!std::is_same_v<Rule, Elastic>) {
       update.plastic_work = tally.plastic_work.sum();
@@ -190,7 +202,7 @@ class MaterialLoops final : public Material<Dim> {
     const Columns<T> c = columns;
     LimitPacks<Pack<T>> limits;
     for (Index p = begin; p < end; p += pack_width<T>)
-      limits.include(model, model.template load_point<Pack<T>>(c, p));
+      limits.include(model, model.template load_point<Pack<T>>(c, p), c, p);
     return limits.limits(model.viscosity());
   }
 

@@ -76,6 +76,14 @@ struct SolidModel {
   S wave_modulus(const Point<S>& point) const {
     return scaled(point, law.wave_modulus(point.F));
   }
+  template <class S>
+  S stiffness_bound_degraded(const Point<S>& point, const S& g) const {
+    return scaled(point, law.stiffness_bound_degraded(point.F, g));
+  }
+  template <class S>
+  S wave_modulus_degraded(const Point<S>& point, const S& g) const {
+    return scaled(point, law.wave_modulus_degraded(point.F, g));
+  }
 
   template <class S, class T, class Tally>
   Point<S> advance(const MaterialColumns<Dim, T>& columns, const T* const* gradient,

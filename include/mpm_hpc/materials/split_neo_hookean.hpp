@@ -100,26 +100,35 @@ struct SplitNeoHookean {
     for (int a = 0; a < Dim; ++a) returned[a] = sqrt_of<S>(D[a] + t);
   }
 
-  // A = 2 mu J^(-2/d) Q diag(s^2) Q + kappa J^2 1 1^T with the projector Q = I - 1 1^T / d. The two terms
-  // don't couple, and the largest eigenvalue of the first follows from the invariants of b: this bound is
-  // exact. Degradation only lowers it.
+  // A = g 2 mu J^(-2/d) Q diag(s^2) Q + w kappa J^2 1 1^T with the projector Q = I - 1 1^T / d, w = g where J >= 1 and 1
+  // elsewhere. The two terms don't couple, and the largest eigenvalue of the first follows from the invariants of b: for g = 1
+  // this bound is exact. What is broken and expanded meets the whole kappa once it is closed, for which it counts from the start.
   template <class S>
-  S stiffness_bound(const Tensor<S, Dim>& F) const {
+  S stiffness_bound_degraded(const Tensor<S, Dim>& F, const S& g) const {
     const S J = determinant(F);
     const SymTensor<S, Dim> b = left_cauchy_green(F);
     S shear = broadcast<S>(1.0 / Dim) * trace(b);
     if constexpr (Dim == 3) shear += broadcast<S>(1 / std::sqrt(6.0)) * norm(deviator(b));
-    return maximum<S>(broadcast<S>(2 * mu) * isochoric_factor(J) * shear, broadcast<S>(Dim * kappa) * J * J);
+    return maximum<S>(g * broadcast<S>(2 * mu) * isochoric_factor(J) * shear,
+                      broadcast<S>(Dim) * volumetric_modulus_bound(J, g));
+  }
+  template <class S>
+  S stiffness_bound(const Tensor<S, Dim>& F) const {
+    return stiffness_bound_degraded(F, broadcast<S>(1.0));
   }
 
-  // A_aa = 2 mu J^(-2/d) ((1 - 2/d) s_a^2 + tr(b)/d^2) + kappa J^2
+  // A_aa = g 2 mu J^(-2/d) ((1 - 2/d) s_a^2 + tr(b)/d^2) + w kappa J^2
   template <class S>
-  S wave_modulus(const Tensor<S, Dim>& F) const {
+  S wave_modulus_degraded(const Tensor<S, Dim>& F, const S& g) const {
     const S J = determinant(F);
     const SymTensor<S, Dim> b = left_cauchy_green(F);
     S shape = broadcast<S>(1.0 / (Dim * Dim)) * trace(b);
     if constexpr (Dim == 3) shape += broadcast<S>(1.0 / 3.0) * largest_eigenvalue_bound(b);
-    return broadcast<S>(2 * mu) * isochoric_factor(J) * shape + broadcast<S>(kappa) * J * J;
+    return g * broadcast<S>(2 * mu) * isochoric_factor(J) * shape + volumetric_modulus_bound(J, g);
+  }
+  template <class S>
+  S wave_modulus(const Tensor<S, Dim>& F) const {
+    return wave_modulus_degraded(F, broadcast<S>(1.0));
   }
 
   template <class S>
@@ -191,6 +200,13 @@ struct SplitNeoHookean {
   static S volumetric_weight(const S& J, const S& g) {
     const S one = broadcast<S>(1.0);
     return select_less<S>(J, one, one, g);
+  }
+
+  // d tau_vol / d ln J: w kappa J^2, and not less than the kappa that waits at J = 1.
+  template <class S>
+  S volumetric_modulus_bound(const S& J, const S& g) const {
+    const S J2 = J * J;
+    return broadcast<S>(kappa) * maximum<S>(g * J2, minimum<S>(J2, broadcast<S>(1.0)));
   }
 
   template <class S>
