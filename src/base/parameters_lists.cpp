@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "mpm_hpc/base/parameters.hpp"
 #include "parameters_impl.hpp"
 
@@ -129,6 +131,10 @@ bool Parameters::text_list(std::string_view key, std::vector<std::string>& value
     if (!text) {
       impl_->fault(element->location,
                    fmt::format("{} must hold texts in quotes, not {}.", key, element->text()));
+      return false;
+    }
+    if (std::find(read.begin(), read.end(), *text) != read.end()) {
+      impl_->fault(element->location, fmt::format("{} names \"{}\" twice; take one of the two out.", key, *text));
       return false;
     }
     read.push_back(*text);

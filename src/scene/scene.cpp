@@ -238,13 +238,18 @@ void read_parallel(Parameters& p, DistributionOptions& options) {
   });
 }
 
+// Returns the places of the toughnesses that materials have.
 template <int Dim>
-void read_materials(Parameters& p, Scene<Dim>& scene) {
+std::vector<std::string> read_materials(Parameters& p, Scene<Dim>& scene) {
+  std::vector<std::string> toughnesses;
   p.named_sections("material", SectionOptions("A material, named by its table.", true),
                    [&](Parameters& q, const std::string& name) {
                      auto material = make_material<Dim>(q, name);
-                     if (material) scene.materials.push_back(std::move(material));
+                     if (!material) return;
+                     if (material->can_fracture()) toughnesses.push_back(q.where("fracture_toughness"));
+                     scene.materials.push_back(std::move(material));
                    });
+  return toughnesses;
 }
 
 template <int Dim>
@@ -327,10 +332,16 @@ Scene<Dim> read_scene(Parameters& p, const std::vector<EffectEntry<Dim>>& effect
   read_newton(p, scene.time);
   read_output(p, scene.output);
   read_parallel(p, scene.distribution);
-  read_materials(p, scene);
+  const std::vector<std::string> toughnesses = read_materials(p, scene);
   read_bodies(p, scene);
   scene.effects = read_effects(p, effects);
   p.finish();
+  const bool breaks = std::any_of(scene.effects.begin(), scene.effects.end(),
+                                  [](const auto& effect) { return effect->uses_toughness(); });
+  require(breaks || toughnesses.empty(),
+          "{}: fracture_toughness does nothing, since no effect of the scene breaks by it; add [effect.phase_field], or "
+          "drop the key.",
+          toughnesses.empty() ? "" : toughnesses.front());
   scene.distribution.precision = scene.precision;
   return scene;
 }

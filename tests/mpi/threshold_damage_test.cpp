@@ -38,7 +38,7 @@ struct Homogeneous {
 
 template <int Dim>
 std::string scene_text(const Mat<Dim>& F, const std::string& effect,
-                       const std::string& model = "split_neo_hookean") {
+                       const std::string& model = "split_neo_hookean", const std::string& toughness = "") {
   std::string rows;
   for (int a = 0; a < Dim; ++a) {
     rows += a ? ", [" : "[";
@@ -48,11 +48,10 @@ std::string scene_text(const Mat<Dim>& F, const std::string& effect,
   const std::string zeros = Dim == 2 ? "[0, 0]" : "[0, 0, 0]", ones = Dim == 2 ? "[1, 1]" : "[1, 1, 1]";
   return fmt::format(
       "dimension = {0}\n[domain]\nlower = {1}\nupper = {2}\n[grid]\nspacing = 0.125\n[time]\nend = 1\n"
-      "[material.m]\nmodel = \"{3}\"\nyoungs_modulus = {4}\npoisson_ratio = {5}\ndensity = "
-      "2\nfracture_toughness = 1\n"
+      "[material.m]\nmodel = \"{3}\"\nyoungs_modulus = {4}\npoisson_ratio = {5}\ndensity = 2\n{7}"
       "[[body]]\nname = \"block\"\nmaterial = \"m\"\nshape = {{type = \"box\", lower = {1}, upper = {2}}}\n"
-      "deformation_gradient = [{6}]\n{7}",
-      Dim, zeros, ones, model, modulus, ratio, rows, effect);
+      "deformation_gradient = [{6}]\n{8}",
+      Dim, zeros, ones, model, modulus, ratio, rows, toughness, effect);
 }
 
 template <int Dim>
@@ -125,9 +124,10 @@ TYPED_TEST(ThresholdDamageLaw, LeavesAloneWhatIsBelowItsStrengthOrCompressed) {
   EXPECT_EQ(world.state.communicator().sum(world.history()["fracture_energy"]), 0);
 }
 
-std::string fault(const std::string& effect, const std::string& model = "split_neo_hookean") {
+std::string fault(const std::string& effect, const std::string& model = "split_neo_hookean",
+                  const std::string& toughness = "") {
   try {
-    test::SceneWorld<2> world(scene_text<2>(Mat<2>::Identity(), effect, model));
+    test::SceneWorld<2> world(scene_text<2>(Mat<2>::Identity(), effect, model, toughness));
   } catch (const UserError& error) {
     return error.what();
   }
@@ -136,16 +136,16 @@ std::string fault(const std::string& effect, const std::string& model = "split_n
 
 TEST(ThresholdDamageScene, CombinationsThatMakeNoSenseAreRefused) {
   const std::string damage = "[effect.threshold_damage]\nstrength = 1\n";
-  EXPECT_EQ(fault(damage + "[effect.phase_field]\n"),
+  EXPECT_EQ(fault(damage + "[effect.phase_field]\n", "split_neo_hookean", "fracture_toughness = 1\n"),
             "scene.toml:20:1: effect.threshold_damage and effect.phase_field can't both weaken a scene's "
             "stress; take one of "
             "them out.");
   EXPECT_NE(fault(damage, "neo_hookean").find("effect.threshold_damage"), std::string::npos)
       << fault(damage, "neo_hookean");
-  EXPECT_EQ(fault("[effect.threshold_damage]\nstrength = 0\n").rfind("scene.toml:21:12: strength = 0", 0),
+  EXPECT_EQ(fault("[effect.threshold_damage]\nstrength = 0\n").rfind("scene.toml:20:12: strength = 0", 0),
             0u);
   EXPECT_EQ(fault(damage + "bodies = [\"blok\"]"),
-            "scene.toml:22:10: there is no body \"blok\"; the bodies are block.");
+            "scene.toml:21:10: there is no body \"blok\"; the bodies are block.");
 }
 
 }  // namespace

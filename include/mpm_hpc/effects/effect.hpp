@@ -71,6 +71,8 @@ class Effect {
 
   // One line for --explain: what it does here and why it is built.
   virtual std::string explain() const = 0;
+  // Whether materials that have a fracture_toughness break by it.
+  virtual bool uses_toughness() const { return false; }
   // Adds particle columns and grid fields; materials and (empty) bodies exist, particles don't. Throws UserError for a
   // combination that makes no sense.
   virtual void declare_fields(State<Dim>&) {}

@@ -20,6 +20,7 @@ class PhaseField final : public Effect<Dim> {
   explicit PhaseField(Parameters& p);
 
   std::string explain() const override;
+  bool uses_toughness() const override { return true; }
   void declare_fields(State<Dim>& state) override;
   void initialise(State<Dim>& state) override;
   void join(StepHooks<Dim>& hooks) override;
