@@ -101,8 +101,8 @@ TEST(Elastodynamics, RodOnAWall) {
                test::within(1, 0.02));
 }
 
-TEST(Elastodynamics, TwoDiscsApic) { test::two_discs("apic", 1.0 / 80, 0.94); }
-TEST(Elastodynamics, TwoDiscsFlip) { test::two_discs("flip", 1.0 / 80, 0.97); }
+TEST(Elastodynamics, TwoDiscsApic) { test::two_discs("apic", 1.0 / 80, 0.4, 0.94); }
+TEST(Elastodynamics, TwoDiscsFlip) { test::two_discs("flip", 1.0 / 80, 0.4, 0.97); }
 
 // A disc that turns ten times keeps its radius of gyration.
 void rotation(const std::string& scheme) {

@@ -1,9 +1,0 @@
-// Two discs on a grid on which the contact loses less than a hundredth of the energy.
-#include "support/two_discs.hpp"
-
-namespace {
-
-TEST(TwoDiscsFine, Apic) { mpm::test::two_discs("apic", 1.0 / 320, 0.98); }
-TEST(TwoDiscsFine, Flip) { mpm::test::two_discs("flip", 1.0 / 320, 0); }
-
-}  // namespace
