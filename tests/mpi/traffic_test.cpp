@@ -60,7 +60,7 @@ std::string scene_text(bool single, Real speed, const std::string& effect = "") 
          "[domain]\nlower = " + list<Dim>(0, 0, 0) + "\nupper = " + list<Dim>(6, 3, 2) +
          "\n[grid]\nspacing = 0.1\n[time]\nend = 2\n[output]\nframes = false\ncheckpoint = false\n"
          "[material.glass]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = 1e4\npoisson_ratio = 0.3\n"
-         "density = 1000\nfracture_toughness = 100\n" +
+         "density = 1000\n" + (effect.empty() ? "" : "fracture_toughness = 100\n") +
          box("left", 0.5, 0.5, 2.1, 1.6, speed) + box("right", 3.4, 0.8, 4.7, 1.7, -speed) + effect;
 }
 
