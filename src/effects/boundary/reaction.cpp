@@ -30,7 +30,8 @@ Exchange<Dim> NodeImpulses<Dim>::take(const State<Dim>& state) {
     const T* nodes = state.fields.template data<T>(state.nodes);
     for (const auto& [node, impulse] : given_) {
       sum.impulse += impulse;
-      for (int a = 0; a < Dim; ++a) sum.work += impulse[a] * nodes[node * node_values + static_cast<std::size_t>(a)];
+      for (int a = 0; a < Dim; ++a)
+        sum.work += impulse[a] * nodes[node * node_values + static_cast<std::size_t>(a)];
     }
   });
   given_.clear();
