@@ -219,10 +219,12 @@ std::string closing_table(const RunReport& report) {
   for (std::size_t i = 0; memory.has_phases && i < memory.phases.size(); ++i)
     text += fmt::format("{}{} {:.2f}", i ? ", " : " (", memory.phases[i].name, memory.phases[i].over_steady);
   text += memory.has_phases ? ")\n" : "\n";
-  for (const auto& [name, count] : report.solver_iterations)
-    text += fmt::format("solver {}: {} iterations, {:.2f} per step, for {:.4g} unknowns on average\n", name, count,
+  for (const auto& [name, count] : report.solver_iterations) {
+    const Real unknowns = report.solver_unknowns.at(name);
+    text += fmt::format("solver {}: {} iterations, {:.2f} per step{}\n", name, count,
                         report.steps > 0 ? static_cast<Real>(count) / static_cast<Real>(report.steps) : 0.0,
-                        report.solver_unknowns.at(name));
+                        unknowns > 0 ? fmt::format(", for {:.4g} unknowns on average", unknowns) : std::string());
+  }
   for (const auto& [name, count] : report.guards)
     if (count > 0) text += fmt::format("guard {}: {} times\n", name, count);
   return text;

@@ -32,7 +32,7 @@ ImplicitIntegrator<Dim>::ImplicitIntegrator(State<Dim>& state, StepHooks<Dim> ho
 }
 
 template <int Dim>
-void ImplicitIntegrator<Dim>::plan_copies(const State<Dim>& state) {
+void ImplicitIntegrator<Dim>::plan_copies(State<Dim>& state) {
   for (std::size_t b = 0; b < state.bodies.size(); ++b) loaded_.add(b, core::velocity);
   pass_tolerance_ = std::numeric_limits<Real>::infinity();
   for (const StaggeredField<Dim>& field : stages_.hooks().staggered) {
@@ -44,6 +44,7 @@ void ImplicitIntegrator<Dim>::plan_copies(const State<Dim>& state) {
     }
   }
   if (stages_.hooks().staggered.empty()) return;
+  state.solvers["staggered_passes"];
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     if (state.bodies[b].particles.has(core::deformation_gradient)) deformed_.add(b, core::deformation_gradient);
     const int own = static_cast<int>(state.material_of(b).own_columns().size());
@@ -104,7 +105,7 @@ bool ImplicitIntegrator<Dim>::attempt(State<Dim>& state) {
 // The staggered fields with the solution's deformation. Returns their largest change since the last pass.
 template <int Dim>
 Real ImplicitIntegrator<Dim>::staggered_pass(State<Dim>& state) {
-  state.solvers["staggered_passes"].solves += 1;
+  state.solvers["staggered_passes"].iterations += 1;
   compared_.save(state);
   staggered_.restore(state);
   deformed_.save(state);

@@ -41,7 +41,7 @@ class ImplicitIntegrator final : public Integrator<Dim> {
   bool attempt(State<Dim>& state);
   bool solve_contacts(State<Dim>& state);
   Real staggered_pass(State<Dim>& state);
-  void plan_copies(const State<Dim>& state);
+  void plan_copies(State<Dim>& state);
   Vec<Dim> acceleration(const State<Dim>& state) const;  // of all matter [m/s^2]
   void take_velocities(State<Dim>& state);
   Real fastest(const State<Dim>& state) const;
