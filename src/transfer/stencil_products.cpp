@@ -1,10 +1,12 @@
 #include "mpm_hpc/transfer/stencil_products.hpp"
 
 #include <Eigen/Core>
+#include <array>
 
 #include "mpm_hpc/fields/particle_order.hpp"
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/math/tensor.hpp"
+#include "cell_tangent.hpp"
 
 namespace mpm {
 
@@ -146,50 +148,34 @@ class Products final : public StencilProducts<Dim> {
 
   void scatter_tangent(const Chunk& chunk, const Real* const* tangent, Real* blocks) const override {
     constexpr int per_node = tangent_blocks_of_node();
-    // Column (i, a, b): sum_c g_i[c] A[ac][bd] of particle p in row d * lanes + p.
-    Eigen::Matrix<Real, Dim * lanes, Eigen::Dynamic> half(Dim * lanes, nodes * block);
-    Eigen::Matrix<Real, Eigen::Dynamic, nodes> K(nodes * block, nodes);
-    for (int b = chunk.first_batch; b < chunk.last_batch; ++b) {
-      const Batch& batch = batches_[b];
-      const Gradients G = gradients(batch);
-      S A[SymTensor<S, block>::size];
-      for (int n = 0; n < SymTensor<S, block>::size; ++n)
-        A[n] = Eigen::Map<const S>(tangent[n] + (batch.begin - chunk.begin));
-      for (int i = 0; i < nodes; ++i) {
-        const Real* g = G.data() + i * Dim * lanes;
-        for (int a = 0; a < Dim; ++a)
-          for (int e = 0; e < Dim; ++e) {
-            Real* column = half.data() + (i * block + a * Dim + e) * Dim * lanes;
-            for (int d = 0; d < Dim; ++d) {
-              S sum = load<S>(g) * A[SymTensor<S, block>::index(a * Dim, e * Dim + d)];
-              for (int c = 1; c < Dim; ++c)
-                sum += load<S>(g + c * lanes) * A[SymTensor<S, block>::index(a * Dim + c, e * Dim + d)];
-              store(column + d * lanes, sum);
+    CellTangent<Dim, support> cell;
+    for (int b = chunk.first_batch; b < chunk.last_batch;) {
+      const Batch& first = batches_[b];
+      Real* of_node[nodes];
+      for (int i = 0; i < nodes; ++i) of_node[i] = blocks + node(first, i) * per_node * block;
+      cell.clear();
+      for (; b < chunk.last_batch && batches_[b].nodes == first.nodes; ++b) {
+        const Batch& batch = batches_[b];
+        const Gradients G = gradients(batch);
+        cell.add(G.data(), tangent, batch.begin - chunk.begin, batch.count, [&](int i, int end) {
+          if (&batch != &first) return;
+          for (; i < end; ++i)
+            for (int j = i; j < nodes; j += support - j % support) {
+              const Real* line = of_node[i] + (offset_numbers[j] - offset_numbers[i]) * block;
+              for (int k = 0; k < (support - j % support) * block; k += 8) __builtin_prefetch(line + k, 1);
             }
-          }
+        });
+        for_differences(b, [&](Real s, const int(&at)[3]) {
+          for (int k = 0; k < 3; ++k)
+            for (int l = k; l < 3; ++l) {
+              Real* out = of_node[at[k]] + (offset_numbers[at[l]] - offset_numbers[at[k]]) * block;
+              for (int a = 0; a < Dim; ++a) out[a * (Dim + 1)] += s * second[k] * second[l];
+            }
+        });
       }
-      // Only blocks with j >= i are wanted: in groups of columns, without most of the others.
-      for (int j = 0; j < nodes; j += support) {
-        const int rows = (j + support) * block;
-        K.block(0, j, rows, support).noalias() =
-            half.leftCols(rows).transpose() * G.template middleCols<support>(j);
-      }
-      for_differences(b, [&](Real s, const int(&at)[3]) {
-        for (int k = 0; k < 3; ++k)
-          for (int l = k; l < 3; ++l) {
-            Real* out =
-                blocks +
-                (node(batch, at[k]) * per_node + (offset_number(at[l]) - offset_number(at[k]))) * block;
-            for (int a = 0; a < Dim; ++a) out[a * (Dim + 1)] += s * second[k] * second[l];
-          }
-      });
       for (int i = 0; i < nodes; ++i) {
-        Real* of_node = blocks + node(batch, i) * per_node * block;
-        for (int j = i; j < nodes; ++j) {
-          Real* out = of_node + (offset_number(j) - offset_number(i)) * block;
-          const Real* in = K.data() + static_cast<std::size_t>(j) * nodes * block + i * block;
-          for (int k = 0; k < block; ++k) out[k] += in[k];
-        }
+        Real* start = of_node[i] - offset_numbers[i] * block;
+        for (int j = i; j < nodes; ++j) cell.add_block(i, j, start + offset_numbers[j] * block);
       }
     }
   }
@@ -224,6 +210,11 @@ class Products final : public StencilProducts<Dim> {
       number += i % support * place;
     return number;
   }
+  static constexpr auto offset_numbers = [] {
+    std::array<int, nodes> numbers{};
+    for (int i = 0; i < nodes; ++i) numbers[static_cast<std::size_t>(i)] = offset_number(i);
+    return numbers;
+  }();
   static constexpr int tangent_blocks_of_node() { return offset_number(nodes - 1) + 1; }
 
   std::size_t node(const Batch& batch, int i) const {
