@@ -6,9 +6,11 @@
 #include <cmath>
 #include <exception>
 
+#include "mpm_hpc/base/memory.hpp"
 #include "mpm_hpc/parallel/mpi_handle.hpp"
 #include "mpm_hpc/solvers/linear_solver.hpp"
 #include "petsc_check.hpp"
+#include "tangent_matrix.hpp"
 
 namespace mpm {
 
@@ -44,6 +46,12 @@ class Slots {
 
 }  // namespace
 
+BlockStorage storage_for(const std::string& preconditioner) {
+  if (preconditioner.empty()) return BlockStorage::symmetric;
+  const bool coarsens = preconditioner == PCGAMG || preconditioner == PCHYPRE || preconditioner == PCML;
+  return coarsens ? BlockStorage::entries : BlockStorage::full;
+}
+
 struct NewtonSolver::Impl {
   MPI_Comm comm = MPI_COMM_NULL;
   std::string prefix;
@@ -51,10 +59,10 @@ struct NewtonSolver::Impl {
   NewtonOptions options;
   int local_rows = 0;  // blocks
   GlobalIndex first_row = 0, rows = 0;
-  ::Mat matrix = nullptr;
+  TangentMatrix tangent;
+  ::Mat shell = nullptr;
   Apply apply;
   std::vector<Real> diagonal;
-  std::size_t matrix_bytes = 0;
 
   const NewtonProblem* problem = nullptr;
   NewtonResult result;
@@ -65,7 +73,9 @@ struct NewtonSolver::Impl {
   NewtonProblem::Potential at{};
   std::exception_ptr fault;  // thrown inside a callback, where PETSc's frames must not be unwound
 
-  ~Impl() { MatDestroy(&matrix); }
+  ~Impl() { MatDestroy(&shell); }
+  // What was put in place.
+  ::Mat matrix() const { return shell ? shell : tangent.get(); }
 
   // Runs f inside a callback of PETSc.
   template <class F>
@@ -143,6 +153,7 @@ struct NewtonSolver::Impl {
     PetscCall(SNESLineSearchGetVecs(search, &x, &f, &y, &w, &g));
     PetscCall(SNESLineSearchGetSNES(search, &snes));
     PetscReal slope = 0, length = 0;
+    PetscCall(self.guarded([&] { self.problem->project(Slots(y).data()); }));
     PetscCall(VecDot(f, y, &slope));
     PetscCall(VecNorm(y, NORM_2, &length));
     KSP ksp;
@@ -253,73 +264,36 @@ GlobalIndex NewtonSolver::set_rows(int local_block_rows) {
   MPI_Comm_rank(s.comm, &rank);
   s.first_row = rank == 0 ? 0 : first;
   s.rows = all;
-  petsc_check(MatDestroy(&s.matrix), "MatDestroy");
+  petsc_check(MatDestroy(&s.shell), "MatDestroy");
+  s.tangent.set_rows(s.comm, s.block, s.local_rows, s.first_row);
   return s.first_row;
 }
 
 GlobalIndex NewtonSolver::first_row() const { return impl_->first_row; }
 GlobalIndex NewtonSolver::global_rows() const { return impl_->rows; }
 
-namespace {
-
-// Of calls that may fail on one rank while the others wait: this ends all ranks.
-void local_check(PetscErrorCode code, const char* what) {
-  if (code != 0)
-    throw LogicError(fmt::format("PETSc failed in {} with code {}", what, static_cast<int>(code)));
-}
-
-}  // namespace
-
 void NewtonSolver::assemble(const BlockRows& rows, BlockStorage storage) {
-  Impl& s = *impl_;
-  static_assert(sizeof(PetscInt) == sizeof(int), "BlockRows holds PETSc's index type");
-  if (!s.matrix) {
-    const int size = s.block * s.local_rows;
-    petsc_check(MatCreate(s.comm, &s.matrix), "MatCreate");
-    petsc_check(MatSetSizes(s.matrix, size, size, PETSC_DETERMINE, PETSC_DETERMINE), "MatSetSizes");
-    petsc_check(MatSetBlockSize(s.matrix, s.block), "MatSetBlockSize");
-    petsc_check(MatSetType(s.matrix, storage == BlockStorage::symmetric ? MATSBAIJ : MATBAIJ), "MatSetType");
-  }
-  // Exact preallocation and row-wise insertion in one; the calls for other kinds of matrices do nothing.
-  const int *starts = rows.starts.data(), *columns = rows.columns.data();
-  const Real* values = rows.values.data();
-  if (storage == BlockStorage::symmetric) {
-    local_check(MatSeqSBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
-                "MatSeqSBAIJSetPreallocationCSR");
-    local_check(MatMPISBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
-                "MatMPISBAIJSetPreallocationCSR");
-  } else {
-    local_check(MatSeqBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
-                "MatSeqBAIJSetPreallocationCSR");
-    local_check(MatMPIBAIJSetPreallocationCSR(s.matrix, s.block, starts, columns, values),
-                "MatMPIBAIJSetPreallocationCSR");
-  }
-  // BAIJ knows no such option.
-  if (storage == BlockStorage::symmetric)
-    petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
-  s.matrix_bytes =
-      rows.values.size() * sizeof(Real) + (rows.columns.size() + rows.starts.size()) * sizeof(int);
+  impl_->tangent.fill(rows, storage);
 }
 
 void NewtonSolver::set_operator(Apply apply, std::vector<Real> diagonal) {
   Impl& s = *impl_;
   s.apply = std::move(apply);
   s.diagonal = std::move(diagonal);
-  s.matrix_bytes = s.diagonal.capacity() * sizeof(Real);
-  if (!s.matrix) {
+  if (!s.shell) {
     const int size = s.block * s.local_rows;
-    petsc_check(MatCreateShell(s.comm, size, size, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.matrix),
+    petsc_check(MatCreateShell(s.comm, size, size, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.shell),
                 "MatCreateShell");
-    petsc_check(MatShellSetOperation(s.matrix, MATOP_MULT, reinterpret_cast<void (*)()>(&Impl::multiply)),
+    petsc_check(MatShellSetOperation(s.shell, MATOP_MULT, reinterpret_cast<void (*)()>(&Impl::multiply)),
                 "MatShellSetOperation");
     petsc_check(
-        MatShellSetOperation(s.matrix, MATOP_GET_DIAGONAL, reinterpret_cast<void (*)()>(&Impl::get_diagonal)),
+        MatShellSetOperation(s.shell, MATOP_GET_DIAGONAL, reinterpret_cast<void (*)()>(&Impl::get_diagonal)),
         "MatShellSetOperation");
-    petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
+    petsc_check(MatSetOption(s.shell, MAT_SPD, PETSC_TRUE), "MatSetOption");
   }
   // So that the preconditioner learns of the new diagonal.
-  petsc_check(MatAssemblyBegin(s.matrix, MAT_FINAL_ASSEMBLY), "MatAssemblyBegin");
-  petsc_check(MatAssemblyEnd(s.matrix, MAT_FINAL_ASSEMBLY), "MatAssemblyEnd");
+  petsc_check(MatAssemblyBegin(s.shell, MAT_FINAL_ASSEMBLY), "MatAssemblyBegin");
+  petsc_check(MatAssemblyEnd(s.shell, MAT_FINAL_ASSEMBLY), "MatAssemblyEnd");
 }
 
 void NewtonSolver::multiply(const std::vector<Real>& d, std::vector<Real>& y) {
@@ -331,7 +305,7 @@ void NewtonSolver::multiply(const std::vector<Real>& d, std::vector<Real>& y) {
               "VecCreateMPIWithArray");
   petsc_check(VecCreateMPIWithArray(s.comm, s.block, size, PETSC_DETERMINE, y.data(), &out),
               "VecCreateMPIWithArray");
-  petsc_check(MatMult(s.matrix, in, out), "MatMult");
+  petsc_check(MatMult(s.matrix(), in, out), "MatMult");
   petsc_check(VecDestroy(&in), "VecDestroy");
   petsc_check(VecDestroy(&out), "VecDestroy");
 }
@@ -360,7 +334,7 @@ NewtonResult NewtonSolver::solve(const NewtonProblem& problem, std::vector<Real>
       "VecCreateMPIWithArray");
   petsc_check(VecDuplicate(solution, &residual), "VecDuplicate");
   petsc_check(SNESSetFunction(snes, residual, &Impl::residual, &s), "SNESSetFunction");
-  petsc_check(SNESSetJacobian(snes, s.matrix, s.matrix, &Impl::jacobian, &s), "SNESSetJacobian");
+  petsc_check(SNESSetJacobian(snes, s.matrix(), s.matrix(), &Impl::jacobian, &s), "SNESSetJacobian");
   const PetscErrorCode code = SNESSolve(snes, nullptr, solution);
   SNESConvergedReason reason = SNES_CONVERGED_ITERATING;
   PetscInt iterations = 0, krylov = 0;
@@ -382,7 +356,8 @@ NewtonResult NewtonSolver::solve(const NewtonProblem& problem, std::vector<Real>
 // With the vectors of the Newton and Krylov solvers.
 std::size_t NewtonSolver::allocated_bytes() const {
   const Impl& s = *impl_;
-  return s.matrix_bytes + 8 * sizeof(Real) * static_cast<std::size_t>(s.block * s.local_rows);
+  return s.tangent.allocated_bytes() + capacity_bytes(s.diagonal) +
+         8 * sizeof(Real) * static_cast<std::size_t>(s.block * s.local_rows);
 }
 
 }  // namespace mpm

@@ -4,6 +4,39 @@
 
 namespace mpm {
 
+// The same for all tangents of a step.
+template <int Dim>
+void ImplicitSystem<Dim>::find_neighbours(const State<Dim>& state, const Real* number) {
+  const int reach = products_.front()->reach(), width = 2 * reach + 1;
+  const int offsets = Dim == 2 ? width * width : width * width * width;
+  first_neighbours_.assign(1, 0);
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const std::size_t node = rows_[r];
+    const Slot* around = state.topology().neighbours(static_cast<Slot>(node / nodes_per_block<Dim>));
+    const IntVec<Dim> place = node_in_block<Dim>(static_cast<int>(node % nodes_per_block<Dim>));
+    for (int n = 0; n < offsets; ++n) {
+      IntVec<Dim> offset;
+      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= width) offset[a] = rest % width - reach;
+      const std::size_t other = node_around<Dim>(around, place + offset);
+      if (other == no_node || number[other] < 0) continue;
+      if (storage_ == BlockStorage::symmetric && number[other] < number[node]) continue;
+      neighbours_.push_back({static_cast<std::int32_t>(other), n});
+    }
+    // PETSc counts what it needs from the order of the columns.
+    std::sort(neighbours_.begin() + static_cast<std::ptrdiff_t>(first_neighbours_.back()), neighbours_.end(),
+              [number](const Neighbour& a, const Neighbour& b) { return number[a.node] < number[b.node]; });
+    first_neighbours_.push_back(neighbours_.size());
+  }
+  matrix_.places.clear();
+  if (storage_ != BlockStorage::entries) return;
+  for (const std::size_t node : rows_) {
+    const IntVec<Dim> first = state.topology().first_node(static_cast<Slot>(node / nodes_per_block<Dim>));
+    const Vec<Dim> place = state.geometry().node_position(
+        first + node_in_block<Dim>(static_cast<int>(node % nodes_per_block<Dim>)));
+    matrix_.places.insert(matrix_.places.end(), place.begin(), place.end());
+  }
+}
+
 // The tangent's rows: the block of two nodes stands at the first of them in lexicographic order.
 template <int Dim>
 void ImplicitSystem<Dim>::assemble(State<Dim>& state) {
@@ -11,8 +44,8 @@ void ImplicitSystem<Dim>::assemble(State<Dim>& state) {
   using Block = Eigen::Matrix<Real, Dim, Dim, Eigen::RowMajor>;
   GridFields& fields = state.fields;
   const StencilProducts<Dim>& products = *products_.front();
-  const int reach = products.reach(), width = 2 * reach + 1, per_node = products.tangent_blocks() * block;
-  state.halo().sum(fields, {stencil_});
+  const int width = 2 * products.reach() + 1, per_node = products.tangent_blocks() * block;
+  const int middle = (Dim == 2 ? width * width : width * width * width) / 2;
   Real* number = fields.template data<Real>(row_number_);
   Real* projector = fields.template data<Real>(projector_);
   std::fill_n(number, fields.nodes(), -1.0);
@@ -27,35 +60,17 @@ void ImplicitSystem<Dim>::assemble(State<Dim>& state) {
   }
   state.distribution.row_halo().fill(fields, {stencil_, row_number_, projector_});
   const Real* stencil = fields.template data<Real>(stencil_);
+  if (neighbours_.empty()) find_neighbours(state, number);
 
+  auto rows = state.timers.scope("Newton rows");
   matrix_.starts.assign(1, 0);
   matrix_.columns.clear();
   matrix_.values.clear();
-  struct Coupled {
-    GlobalIndex column;
-    int offset;
-    std::size_t node;
-  };
-  std::vector<Coupled> coupled;
-  const int offsets = Dim == 2 ? width * width : width * width * width, middle = offsets / 2;
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const std::size_t node = rows_[r];
-    const Slot* around = state.topology().neighbours(static_cast<Slot>(node / nodes_per_block<Dim>));
-    const IntVec<Dim> place = node_in_block<Dim>(static_cast<int>(node % nodes_per_block<Dim>));
-    const GlobalIndex row = first_row + static_cast<GlobalIndex>(r);
-    // PETSc counts what it needs from the order of the columns.
-    coupled.clear();
-    for (int n = 0; n < offsets; ++n) {
-      IntVec<Dim> offset;
-      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= width) offset[a] = rest % width - reach;
-      const std::size_t other = node_around<Dim>(around, place + offset);
-      if (other == no_node || number[other] < 0) continue;
-      const auto column = static_cast<GlobalIndex>(number[other]);
-      if (storage_ == BlockStorage::full || column >= row) coupled.push_back({column, n, other});
-    }
-    std::sort(coupled.begin(), coupled.end(),
-              [](const Coupled& a, const Coupled& b) { return a.column < b.column; });
-    for (const auto& [column, n, other] : coupled) {
+    for (std::size_t k = first_neighbours_[r]; k < first_neighbours_[r + 1]; ++k) {
+      const auto other = static_cast<std::size_t>(neighbours_[k].node);
+      const int n = neighbours_[k].offset;
       Block K;
       if (n >= middle) {
         K = Eigen::Map<const Block>(stencil + node * per_node + (n - middle) * block);
@@ -75,11 +90,13 @@ void ImplicitSystem<Dim>::assemble(State<Dim>& state) {
         if (there[0] > 0) K = (K * Eigen::Map<const Block>(there + 1)).eval();
         if (K.isZero(0)) continue;
       }
-      matrix_.columns.push_back(static_cast<int>(column));
+      matrix_.columns.push_back(static_cast<int>(number[other]));
       matrix_.values.insert(matrix_.values.end(), K.data(), K.data() + block);
     }
     matrix_.starts.push_back(static_cast<int>(matrix_.columns.size()));
   }
+  rows.stop();
+  auto entries = state.timers.scope("Newton matrix");
   solver_.assemble(matrix_, storage_);
 }
 

@@ -45,7 +45,7 @@ ImplicitSystem<Dim>::ImplicitSystem(State<Dim>& state, const ImplicitOptions& op
   require(!options_.matrix_free || entries.empty(),
           "newton.operator = \"matrix_free\" has no entries for -newton_pc_type {}; choose \"assembled\"",
           entries);
-  storage_ = entries.empty() ? BlockStorage::symmetric : BlockStorage::full;
+  storage_ = storage_for(entries);
   for (std::size_t b = 0; b < state.bodies.size(); ++b)
     products_.push_back(make_stencil_products<Dim>(state.transfer));
   GridFields& f = state.fields;
@@ -101,6 +101,7 @@ void ImplicitSystem<Dim>::begin(State<Dim>& state, const Vec<Dim>& acceleration)
   if (!options_.inertia) std::fill(x_.begin(), x_.end(), 0.0);
   if (options_.stabilisation > 0) set_stiffness(state);
   solver_.set_rows(rows());
+  neighbours_.clear();
   clear_constraints();
 }
 
@@ -245,29 +246,52 @@ Real* ImplicitSystem<Dim>::tangent_of(std::size_t body, int component) const {
   return static_cast<Real*>(tangents_[body].data()) + stride * static_cast<std::size_t>(component);
 }
 
+// Nodes without mass are neither written nor read.
+template <int Dim>
+void ImplicitSystem<Dim>::clear_stencil(State<Dim>& state) {
+  const auto entries = static_cast<std::size_t>(products_.front()->tangent_blocks()) * Dim * Dim,
+             owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+  Real* stencil = state.fields.template data<Real>(stencil_);
+  for (const std::size_t node : rows_) std::fill_n(stencil + node * entries, entries, 0.0);
+  std::fill(stencil + owned * entries, stencil + static_cast<std::size_t>(state.fields.nodes()) * entries, 0.0);
+}
+
 template <int Dim>
 void ImplicitSystem<Dim>::linearise(State<Dim>& state, const Real* v, bool projected) {
   auto s = state.timers.scope("Newton assembly");
-  state.fields.zero(force_);
-  if (stencil_ != no_field) state.fields.zero(stencil_);
+  if (stencil_ == no_field) {
+    state.fields.zero(force_);
+  } else {
+    clear_stencil(state);
+  }
   Real* diagonal = state.fields.template data<Real>(force_);
   Real* stencil = stencil_ == no_field ? nullptr : state.fields.template data<Real>(stencil_);
+  auto particles = state.timers.scope("Newton sweep");
   sweep(state, v, [&](std::size_t b, const Chunk& chunk, Columns& columns) {
     TrialColumns<Dim> out;
     std::copy(std::begin(columns.tangent), std::end(columns.tangent), out.tangent);
     out.project = projected;
     state.material_of(b).trial(material_columns<Real>(state, b), columns.gradient, dt_, chunk.begin,
                                chunk.end, out);
-    products_[b]->scatter_diagonal(chunk, columns.tangent, diagonal);
     if (stencil) {
       products_[b]->scatter_tangent(chunk, columns.tangent, stencil);
     } else {
+      products_[b]->scatter_diagonal(chunk, columns.tangent, diagonal);
       for (int n = 0; n < out.tangent_size; ++n)
         std::copy_n(columns.tangent[n], chunk.end - chunk.begin, tangent_of(b, n) + chunk.begin);
     }
   });
+  particles.stop();
   diagonal_.resize(x_.size());
-  sum_to_rows(state, force_, diagonal_.data());
+  if (stencil) {
+    state.halo().sum(state.fields, {stencil_});
+    const std::size_t of_node =
+        static_cast<std::size_t>(products_.front()->tangent_blocks()) * Dim * Dim;
+    for (std::size_t k = 0; k < diagonal_.size(); ++k)
+      diagonal_[k] = stencil[rows_[k / Dim] * of_node + k % Dim * (Dim + 1)];
+  } else {
+    sum_to_rows(state, force_, diagonal_.data());
+  }
   std::vector<Real> square(1, 0.0);
   for (std::size_t k = 0; k < diagonal_.size(); ++k) {
     diagonal_[k] *= dt_ * dt_;
@@ -360,6 +384,7 @@ NewtonResult ImplicitSystem<Dim>::solve(State<Dim>& state) {
     auto s = state.timers.scope("Newton potential");
     return step_share(state, step);
   };
+  problem.project = [&](Real* step) { project(step); };
   NewtonResult result = solver_.solve(problem, x_);
   reaction_.resize(x_.size());
   if (result.converged) residual(state, x_.data(), reaction_.data(), false);
@@ -384,7 +409,8 @@ MemoryAccount ImplicitSystem<Dim>::memory() const {
                                 capacity_bytes(constraint_of_row_)},
           {"implicit/tangents", tangents},
           {"implicit/matrix rows",
-           capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts)},
+           capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts) +
+               capacity_bytes(neighbours_) + capacity_bytes(first_neighbours_)},
           {"implicit/PETSc", solver_.allocated_bytes()}};
 }
 

@@ -29,13 +29,17 @@ struct BlockRows {
   std::vector<int> starts{0};  // rows + 1
   std::vector<int> columns;
   std::vector<Real> values;  // blocks row by row
+  std::vector<Real> places;  // of the rows' nodes [m]; only where they are stored by entries
 };
 
-// Both kinds of rows that PETSc's formats hold.
+// The kinds of rows that PETSc's formats hold.
 enum class BlockStorage {
   symmetric,  // only columns from the row on: half the memory, for preconditioners of the diagonal
-  full
+  full,
+  entries  // one by one, with the rigid motions: for algebraic multigrid
 };
+// What the preconditioner of this type needs, that PETSc's options name; empty: one of the diagonal.
+BlockStorage storage_for(const std::string& preconditioner);
 
 // What is solved, by its rank's unknowns x. The functions are collective and may throw.
 struct NewtonProblem {
@@ -50,6 +54,8 @@ struct NewtonProblem {
   std::function<void(const Real* x, bool projected)> linearise;
   // The largest share of the step in (0, 1] with which x - share * step is allowed.
   std::function<Real(const Real* x, const Real* step)> step_share;
+  // Takes out of a step what x must keep: Krylov solvers that stop early leave some of it there.
+  std::function<void(Real* step)> project;
 };
 
 struct NewtonResult {

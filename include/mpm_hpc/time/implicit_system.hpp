@@ -65,6 +65,7 @@ class ImplicitSystem {
   // Takes the constrained components out of a vector over the rows.
   void project(Real* values) const;
 
+  GlobalIndex first_row() const { return solver_.first_row(); }  // of this rank, in the numbering of all
   GlobalIndex global_rows() const { return solver_.global_rows(); }
   MemoryAccount memory() const;
 
@@ -78,7 +79,9 @@ class ImplicitSystem {
   void sweep(State<Dim>& state, const Real* v, F&& f);
   void sum_to_rows(State<Dim>& state, FieldId field, Real* out);
   TrialSums forces(State<Dim>& state, const Real* v, bool wanted);
+  void clear_stencil(State<Dim>& state);
   void assemble(State<Dim>& state);
+  void find_neighbours(const State<Dim>& state, const Real* number);
   void apply(State<Dim>& state, const Real* d, Real* y);
   void set_stiffness(State<Dim>& state);
   Real step_share(State<Dim>& state, const Real* step);
@@ -102,6 +105,12 @@ class ImplicitSystem {
   std::vector<AlignedBuffer> tangents_;  // by body, all particles, if matrix-free
   AlignedBuffer scratch_;
   BlockRows matrix_;
+  // Of each row, the nodes whose columns the matrix stores, in the order of these; empty: not found in this step yet.
+  struct Neighbour {
+    std::int32_t node, offset;  // number of the offset among all within reach
+  };
+  std::vector<Neighbour> neighbours_;
+  std::vector<std::size_t> first_neighbours_;  // rows + 1
   Real dt_ = 0, rounding_ = 0;  // rounding_: of the residual
 };
 
