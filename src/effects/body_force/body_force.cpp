@@ -54,7 +54,7 @@ template <int Dim>
 template <class F>
 void BodyForce<Dim>::for_particles(State<Dim>& state, F&& f) const {
   std::array<Real, variables> values{};
-  values[Dim] = state.inertia ? state.time : state.time + state.dt;  // an equilibrium is that of the load at its end
+  values[Dim] = at_end_ ? state.time + state.dt : state.time;
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
     if (!loaded_[b]) continue;
     Body<Dim>& body = state.bodies[b];
@@ -92,6 +92,7 @@ void BodyForce<Dim>::initialise(State<Dim>& state) {
 
 template <int Dim>
 void BodyForce<Dim>::join(StepHooks<Dim>& hooks) {
+  at_end_ = hooks.implicit;
   hooks.before_p2g.push_back([this](State<Dim>& state) { load(state); });
   hooks.after_g2p.push_back([this](State<Dim>& state) { account(state); });
 }

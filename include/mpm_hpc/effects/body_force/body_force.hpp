@@ -31,6 +31,7 @@ class BodyForce final : public Effect<Dim> {
 
   Formulas acceleration_;  // [m/s^2]
   bool uses_start_ = false;
+  bool at_end_ = false;  // of a step: backward Euler and equilibria take the load there
   std::string where_, where_bodies_;
   std::vector<std::string> body_names_;  // empty: all
   std::vector<char> loaded_;             // by body
