@@ -65,6 +65,7 @@ std::string run_json_text(const RunReport& report) {
   json["imbalance"] = report.imbalance;
   json["solver_iterations"] = report.solver_iterations;
   json["solver_unknowns"] = report.solver_unknowns;
+  if (!report.solver_residuals.empty()) json["solver_residuals"] = report.solver_residuals;
   json["guards"] = report.guards;
   json["exit"] = Json{{"code", static_cast<int>(report.exit_code)}, {"reason", report.exit_reason}};
   // A reason may quote a file name that is no UTF-8.

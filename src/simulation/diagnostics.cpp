@@ -142,12 +142,16 @@ std::vector<HistoryValue> history_row(State<Dim>& state, const std::vector<std::
   put("max_speed", "m/s", state.limits.kinematic.speed);
   for (const HistoryValue& v : of_effects)
     if (!v.name.ends_with("_energy")) row.push_back(v);
-  // Since the last row; of several solvers, the phase field's iterations are the effect's.
+  // Iterations since the last row, residuals of the last step; of several solvers, the phase field's iterations are the effect's.
   for (const auto& [solver, column] : {std::pair{"newton", "newton_iterations"}, {"newton_krylov", "newton_krylov_iterations"}})
     if (const auto it = state.solvers.find(solver); it != state.solvers.end()) {
       put(column, "1", static_cast<Real>(it->second.iterations - it->second.told));
       it->second.told = it->second.iterations;
     }
+  if (const auto it = state.solvers.find("newton"); it != state.solvers.end()) {
+    put("newton_first_residual", "1", it->second.first_residual);
+    put("newton_residual", "1", it->second.residual);
+  }
   put("imbalance", "1", state.distribution.imbalance());
   return row;
 }

@@ -39,7 +39,8 @@ Progress::~Progress() {
   if (open_line_) std::printf("\n");
 }
 
-void Progress::report(std::int64_t step, Real time, Real dt, const char* bound_by) {
+void Progress::report(std::int64_t step, Real time, Real dt, const char* bound_by,
+                      const std::string& solved) {
   if (!speaks_) return;
   const Clock::time_point now = Clock::now();
   const Real interval = terminal_ ? 0.2 : 10;
@@ -47,14 +48,20 @@ void Progress::report(std::int64_t step, Real time, Real dt, const char* bound_b
   last_ = now;
   const Real share = (time - start_) / (end_ - start_), spent = std::chrono::duration<Real>(now - began_).count();
   const std::string eta = share > 0 ? short_duration(spent * (1 - share) / share) : "?";
-  const std::string line = fmt::format("{:5.1f} %  step {}  t = {:.4e} s  dt = {:.2e} s ({})  left {}", 100 * share,
-                                       step, time, dt, bound_by, eta);
+  const std::string line = fmt::format("{:5.1f} %  step {}  t = {:.4e} s  dt = {:.2e} s ({})  {}{}left {}", 100 * share,
+                                       step, time, dt, bound_by, solved, solved.empty() ? "" : "  ", eta);
   if (terminal_) {
     std::printf("\r\033[K%s", line.c_str());
     open_line_ = true;
   } else {
     std::printf("%s\n", line.c_str());
   }
+  std::fflush(stdout);
+}
+
+void Progress::log(std::int64_t step, Real time, Real dt, const std::string& solved) {
+  if (!speaks_ || terminal_) return;
+  std::printf("step %lld  t = %.4e s  dt = %.2e s  %s\n", static_cast<long long>(step), time, dt, solved.c_str());
   std::fflush(stdout);
 }
 

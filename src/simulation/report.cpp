@@ -180,6 +180,7 @@ RunReport make_report(State<Dim>& state, const std::vector<std::unique_ptr<Effec
   report.imbalance = state.distribution.imbalance();
   for (const auto& [name, work] : state.solvers) {
     report.solver_iterations[name] = work.iterations;
+    if (work.largest_residual > 0) report.solver_residuals[name] = work.largest_residual;
     report.solver_unknowns[name] = static_cast<Real>(work.unknowns) / static_cast<Real>(std::max<GlobalIndex>(1, work.solves));
   }
   state.guards["particles_removed_outside_domain"] += state.distribution.take_removed();

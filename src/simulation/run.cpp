@@ -290,7 +290,8 @@ void Run<Dim>::loop() {
     if (state_.step == totals_.first_step + 1) refuse_unused_options(true);
     happen(finished);
     totals_.loop_seconds = seconds_since(began);
-    progress_->report(state_.step, state_.time, state_.dt, integrator_->bound_by());
+    if (!state_.inertia) progress_->log(state_.step, state_.time, state_.dt, integrator_->solved());
+    progress_->report(state_.step, state_.time, state_.dt, integrator_->bound_by(), integrator_->solved());
   }
 }
 

@@ -131,10 +131,11 @@ struct NewtonSolver::Impl {
     std::copy(diagonal.begin(), diagonal.end(), out.data());
     return 0;
   }
-  static PetscErrorCode converged(SNES, PetscInt, PetscReal, PetscReal, PetscReal norm,
+  static PetscErrorCode converged(SNES, PetscInt iteration, PetscReal, PetscReal, PetscReal norm,
                                   SNESConvergedReason* reason, void* context) {
     Impl& self = *static_cast<Impl*>(context);
     self.result.residual = self.scale > 0 ? norm / self.scale : 0;
+    if (iteration == 0) self.result.first_residual = self.result.residual;
     *reason = SNES_CONVERGED_ITERATING;
     if (!std::isfinite(norm)) {
       *reason = SNES_DIVERGED_FNORM_NAN;

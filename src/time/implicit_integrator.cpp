@@ -68,6 +68,13 @@ Real ImplicitIntegrator<Dim>::stable_step(const State<Dim>& state) {
 }
 
 template <int Dim>
+std::string ImplicitIntegrator<Dim>::solved() const {
+  return fmt::format("Newton {}, Krylov {}, residual {:.1e} -> {:.1e}{}", work_.newton, work_.krylov,
+                     work_.first_residual, result_.residual,
+                     work_.solves > 1 ? fmt::format(", {} solves", work_.solves) : "");
+}
+
+template <int Dim>
 Vec<Dim> ImplicitIntegrator<Dim>::acceleration(const State<Dim>& state) const {
   Vec<Dim> sum = Vec<Dim>::Zero();
   for (const auto& f : stages_.hooks().accelerations) sum += f(state);
@@ -89,6 +96,7 @@ void ImplicitIntegrator<Dim>::prepare(State<Dim>& state) {
 template <int Dim>
 bool ImplicitIntegrator<Dim>::attempt(State<Dim>& state) {
   prepare(state);
+  work_ = {};
   for (int pass = 1; pass <= most_passes_; ++pass) {
     if (!solve_contacts(state)) return false;
     const Real travel = state.dt * fastest(state);
@@ -128,6 +136,9 @@ bool ImplicitIntegrator<Dim>::solve_contacts(State<Dim>& state) {
     krylov.solves += result_.iterations;
     krylov.iterations += result_.krylov_iterations;
     krylov.unknowns += Dim * system_.global_rows() * result_.iterations;
+    if (work_.solves++ == 0) work_.first_residual = result_.first_residual;
+    work_.newton += result_.iterations;
+    work_.krylov += result_.krylov_iterations;
     if (!result_.converged) {
       failure_ = fmt::format("Newton's method stopped after {} iterations with a residual of {:.2g} ({})",
                              result_.iterations, result_.residual, result_.reason);
@@ -201,6 +212,10 @@ void ImplicitIntegrator<Dim>::step(State<Dim>& state) {
     staggered_.restore(state);
     state.ledger = ledger;
   }
+  SolverWork& newton = state.solvers["newton"];
+  newton.first_residual = work_.first_residual;
+  newton.residual = result_.residual;
+  newton.largest_residual = std::max(newton.largest_residual, result_.residual);
   take_velocities(state);
   stages_.on_grid(state);
   const Real taken = state.dt;

@@ -47,6 +47,8 @@ class Ledger {
 struct SolverWork {
   GlobalIndex solves = 0, iterations = 0, unknowns = 0;  // unknowns: the sum over the solves
   GlobalIndex told = 0;  // iterations up to the last row of the history
+  // Of Newton's method: residual over its scale before and after the last solve, and the largest after one.
+  Real first_residual = 0, residual = 0, largest_residual = 0;
 };
 
 template <int Dim>

@@ -65,6 +65,7 @@ struct RunReport {
   Real imbalance = 1;  // largest over mean weight of a rank
   std::map<std::string, GlobalIndex> solver_iterations;
   std::map<std::string, Real> solver_unknowns;  // of all ranks, mean over the solves
+  std::map<std::string, Real> solver_residuals;  // the largest that a solve of Newton's method ended with, over its scale
   std::map<std::string, GlobalIndex> guards;
   ExitCode exit_code = ExitCode::done;
   std::string exit_reason;

@@ -14,7 +14,9 @@ class Progress {
   // Only rank 0 speaks; `end` is the time at which the run ends [s].
   Progress(bool speaks, Real start, Real end);
   ~Progress();
-  void report(std::int64_t step, Real time, Real dt, const char* bound_by);
+  void report(std::int64_t step, Real time, Real dt, const char* bound_by, const std::string& solved);
+  // Every step that is told of gets a line in a log; a terminal shows the last one in its progress line.
+  void log(std::int64_t step, Real time, Real dt, const std::string& solved);
   // A line of its own, above the progress line.
   void say(const std::string& line);
 

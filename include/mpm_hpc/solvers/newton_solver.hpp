@@ -64,7 +64,7 @@ struct NewtonResult {
   int iterations = 0, krylov_iterations = 0;
   std::vector<Real> potentials;  // after each iteration, the start included
   Real rounding = 0;             // of the potentials
-  Real residual = 0;             // over its scale
+  Real first_residual = 0, residual = 0;  // over their scales
 };
 
 // All members but the accessors are collective.

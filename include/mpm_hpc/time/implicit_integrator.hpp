@@ -30,6 +30,7 @@ class ImplicitIntegrator final : public Integrator<Dim> {
   Real stable_step(const State<Dim>& state) override;
   void step(State<Dim>& state) override;
   const char* bound_by() const override { return bound_by_; }
+  std::string solved() const override;
 
   // The first part of a step: everything up to the equations, with the contacts as they are assumed to begin with. Exposed
   // for tests.
@@ -57,6 +58,11 @@ class ImplicitIntegrator final : public Integrator<Dim> {
   int most_passes_ = 1;
   Real pass_tolerance_ = 0;
   NewtonResult result_;
+  // Of the last step: solves, more than one because of contacts and cracks, and the iterations of all of them.
+  struct Work {
+    int solves = 0, newton = 0, krylov = 0;
+    Real first_residual = 0;
+  } work_;
   std::string failure_;
   const char* bound_by_ = "nothing";
 };

@@ -1,6 +1,8 @@
 // One time step of the whole simulation; explicit, implicit and quasi-static are its kinds.
 #pragma once
 
+#include <string>
+
 #include "mpm_hpc/effects/effect.hpp"
 
 namespace mpm {
@@ -15,6 +17,8 @@ class Integrator {
   virtual Real stable_step(const State<Dim>& state) = 0;
   // The rule that decided the last stable step, for messages.
   virtual const char* bound_by() const = 0;
+  // How the last step was solved, for messages; empty if there was nothing to solve.
+  virtual std::string solved() const { return {}; }
   // Sorts and migrates when the drift asks for it and advances by state.dt. Throws NumericalFailure on all ranks if a
   // particle has failed. Collective.
   virtual void step(State<Dim>& state) = 0;
