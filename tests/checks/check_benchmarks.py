@@ -36,11 +36,18 @@ PROMISED = {
     "bench_halo": {"halo/": ["halo_microseconds", "plain_microseconds", "ratio", "bytes_per_step", "messages_per_step",
                              "plain_messages_per_step", "gb_per_s", "share_of_step", "waited_share"]},
 }
+PROMISED["bench_newton"] = {
+    "assembly/": ["unknowns", "ns_per_unknown", "plain_ns_per_unknown", "ratio", "blocks_ratio", "projected_over_exact",
+                  "difference"],
+    "iteration/": ["assembly_share", "residual_share", "line_search_share", "Krylov_share", "newton_iterations",
+                   "krylov_per_newton"],
+    "preconditioner/": ["newton_iterations", "krylov_iterations", "jacobi_krylov_iterations", "speed_over_jacobi"]}
 PROMISED["bench_io"] = {kind: ["mb", "gb_per_s", "plain_gb_per_s", "over_plain"] for kind in ("frame/", "checkpoint/")}
 MAY_VANISH = {"bytes_per_step", "messages_per_step", "plain_messages_per_step", "gb_per_s", "metis_megabytes",
               "arithmetic_ns", "products", "iterations_per_solve", "difference"}
 # Cases that are left out where they would take long.
-FILTERS = {("bench_phase_field", 1): "/2k", ("bench_phase_field", 2): "/2d_2k"}
+FILTERS = {("bench_phase_field", 1): "/2k", ("bench_phase_field", 2): "/2d_2k",
+           ("bench_newton", 1): "nu_0.3/step_10/|^assembly|^iteration/", ("bench_newton", 2): "2d.*nu_0.3/step_10/|^assembly|^iteration/"}
 SAME_SOLUTION = 1e-4  # the plain solve and the program's stop at 1e-6 each
 
 
