@@ -181,8 +181,10 @@ TYPED_TEST(ImplicitTest, TangentIsTheResidualsDerivativeAssembledOrNot) {
 TYPED_TEST(ImplicitTest, PreconditionersChangeTheWayAndNotTheResult) {
   constexpr int dim = TypeParam::value;
   // Others than linear elasticity have several least potentials, which differ at nodes with next to no weight.
-  Setting setting{.material = "model = \"linear_elastic\"\nyoungs_modulus = 1000\npoisson_ratio = 0.3\n", .dt = 0.02};
-  setting.more = "velocity = " + list<dim>(0.5, -0.5, 0.2) + "\n" + (dim == 2 ? tilted_obstacle_2d : tilted_obstacle_3d);
+  Setting setting{.material = "model = \"linear_elastic\"\nyoungs_modulus = 1000\npoisson_ratio = 0.3\n",
+                  .dt = 0.02};
+  setting.more =
+      "velocity = " + list<dim>(0.5, -0.5, 0.2) + "\n" + (dim == 2 ? tilted_obstacle_2d : tilted_obstacle_3d);
   std::vector<Real> expected, expected_product;
   for (const std::string type : {"jacobi", "pbjacobi", "gamg"}) {
     const PetscOption option("-newton_pc_type", type);
@@ -300,6 +302,77 @@ TYPED_TEST(ImplicitTest, DescendsToTheLeastPotential) {
       }
       EXPECT_FALSE(world.state.guards.contains("implicit_steps_halved")) << nu << " " << factor;
     }
+}
+
+// A block so stiff that a step is a hundred explicit ones stays rigid, and its motion is known. Nodes go from x to R x with
+// R = exp(theta J), so v = (R - I) x / dt, which particles keep at their new places with the gradient (R - I) / dt. The least
+// of sum m |v - v*|^2 has tan theta = dt L / (I + dt D) with L = sum x x m v*, D = sum m x . v*, I = sum m |x|^2 over the
+// nodes. At the start L = I omega, D = 0; after a step L = I sin(theta) / dt and dt D = (1 - cos theta) (sum_p m |x_p|^2 - m h^2 / 2): each step
+// takes a share theta^2 from the speed. So the angle errs by the order of dt.
+TYPED_TEST(ImplicitTest, StiffBlockTurnsAsARigidOne) {
+  constexpr int dim = TypeParam::value;
+  constexpr Real spacing = 0.125, density = 2, omega = 5, turned = 0.5;
+  Real errors[2];
+  int run = 0;
+  for (const Real theta : {0.05, 0.025}) {
+    const Real dt = theta / omega, wave_speed = 100 * 0.4 * spacing / dt;
+    Setting setting{
+        .material = fmt::format("model = \"neo_hookean\"\nyoungs_modulus = {}\npoisson_ratio = 0.3\n",
+                                density * wave_speed * wave_speed * 1.3 * 0.4 / 0.7),
+        .dt = dt};
+    std::string text = scene_text<dim>(setting);
+    for (const auto& [from, to] :
+         {std::pair{"lower = " + list<dim>(-1, 0, -1) + "\nupper = " + list<dim>(2, 2, 2),
+                    "lower = " + list<dim>(-1, -1, -1) + "\nupper = " + list<dim>(1, 1, 1)},
+          {std::string("jitter = 0.3"), std::string("jitter = 0")},
+          {"lower = " + list<dim>(0, 0, 0) + ", upper = " + list<dim>(1, 1, 0.5),
+           "lower = " + list<dim>(-0.5, -0.5, -0.25) + ", upper = " + list<dim>(0.5, 0.5, 0.25)}}) {
+      ASSERT_NE(text.find(from), std::string::npos) << from;
+      text.replace(text.find(from), from.size(), to);
+    }
+    text += fmt::format("velocity = [\"-{0}*y\", \"{0}*x\"{1}]\n", omega, dim == 3 ? ", 0" : "");
+    Stepper<dim> world(text, {"time.cfl=1"});
+    State<dim>& state = world.state;
+    world.integrator->initialise(state);
+    const Real mass = world.value("mass"),
+               moment = sum_over<dim>(world, [](auto&x, auto&) { return x[0] * x[0] + x[1] * x[1]; }),
+               whole = moment + mass * spacing * spacing / 2;
+    Real angular = world.value("angular_momentum_z"), dilation = 0, angle = 0,
+         energy = world.value("kinetic_energy");
+    EXPECT_NEAR(angular, whole * omega, 1e-12 * whole * omega);
+    // Strains of rho omega^2 r^2 / E, and as much again from the start.
+    const Real strain = 2 * omega * omega * 0.5 / (wave_speed * wave_speed);
+    while (angle < turned) {
+      const Real step = std::atan(dt * angular / (whole + dilation));
+      angular = whole * std::sin(step) / dt;
+      dilation = (1 - std::cos(step)) * (2 * moment - whole);
+      angle += step;
+      state.dt = dt;
+      world.integrator->step(state);
+      EXPECT_NEAR(world.value("angular_momentum_z"), angular, 10 * strain * angular)
+          << "at the angle " << angle;
+      const Real now = world.value("kinetic_energy") + world.value("elastic_energy");
+      EXPECT_LE(now, energy);
+      energy = now;
+    }
+    errors[run++] = omega * dt * static_cast<Real>(state.step) - angle;
+    // F is the rotation by that angle; nothing has moved away from the middle or towards it.
+    Real worst = 0, radii = 0;
+    world.for_particles([&](Body<dim>& body, Index p) {
+      for (int a = 0; a < 2; ++a)
+        for (int b = 0; b < 2; ++b) {
+          const Real R = a == b ? std::cos(angle) : (a < b ? -1 : 1) * std::sin(angle);
+          worst = std::max(
+              worst,
+              std::abs(body.particles.template data<Real>(core::deformation_gradient, a * dim + b)[p] - R));
+        }
+    });
+    EXPECT_LE(state.communicator().max(worst), 50 * strain) << theta;
+    radii = sum_over<dim>(world, [](auto& x, auto&) { return x[0] * x[0] + x[1] * x[1]; });
+    EXPECT_NEAR(radii, moment, 1e-3 * moment);
+    EXPECT_FALSE(state.guards.contains("implicit_steps_halved"));
+  }
+  EXPECT_NEAR(errors[0] / errors[1], 2, 0.2);
 }
 
 // A block on the ground: its weight is the ground's reaction, and work of gravity is the elastic energy of a slow load twice.
