@@ -15,9 +15,9 @@ namespace mpm {
 template <int Dim>
 class PhaseSystem {
  public:
-  // How M + H is applied. particles: matrix-free, one sweep over the particles per iteration; stencil: one costlier
-  // sweep per solve, then a small part of a sweep per iteration, the least work from the first on; matrix: the stencil made a
-  // PETSc matrix, for the preconditioners that need its entries.
+  // How M + H is applied. particles: matrix-free, one sweep over the particles per iteration, the least work if there is
+  // one; stencil: one costlier sweep per solve, then a small part of a sweep per iteration; matrix: the stencil made a PETSc
+  // matrix, for the preconditioners that need its entries.
   enum class Form { particles, stencil, matrix };
   // What the form `particles` needs of a body that can fracture: its number and the columns V_p 4 l0^2 and, unless the
   // reaction is lumped, V_p 4 l0 (1 - r) H_p / G_c.
@@ -90,8 +90,8 @@ class PhaseSystem {
   std::vector<std::size_t> rows_;  // node of each row: slot * nodes_per_block + node in block
   std::vector<Real> mass_, rhs_, solution_, start_;
   // The last solution by owned node and its change since the one before, a far better start than the smoothed c^n; no_value
-  // where there is none. It dies with
-  // the blocks at the next sort, and so it is gone at a checkpoint whether the run goes on or restarts.
+  // where there is none. It dies with the blocks at the next sort, and so it is gone at a checkpoint whether the run goes on or
+  // restarts.
   static constexpr Real no_value = std::numeric_limits<Real>::max();
   std::vector<Real> last_solution_, last_change_;
   int last_sort_ = -1;
