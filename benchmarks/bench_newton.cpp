@@ -276,15 +276,19 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
     add_case(fmt::format("assembly/{}", size.name), [&communicator, c](benchmark::State& bench) {
       with_dimension(c.dimension, [&](auto dim) { bench_assembly<dim>(bench, communicator, c); });
     });
-    for (const bool matrix_free : {false, true}) {
-      Case other = c;
-      other.matrix_free = matrix_free;
-      add_case(fmt::format("iteration/{}/{}", matrix_free ? "matrix_free" : "assembled", size.name),
-               [&communicator, other](benchmark::State& bench) {
-                 with_dimension(other.dimension,
-                                [&](auto dim) { bench_iteration<dim>(bench, communicator, other); });
-               });
-    }
+    for (const bool matrix_free : {false, true})
+      for (const Real step : {10.0, 100.0}) {
+        if (step > 10 && (options.small || matrix_free)) continue;
+        Case other = c;
+        other.matrix_free = matrix_free;
+        other.step = step;
+        add_case(fmt::format("iteration/{}/{}/step_{}", matrix_free ? "matrix_free" : "assembled", size.name,
+                             step),
+                 [&communicator, other](benchmark::State& bench) {
+                   with_dimension(other.dimension,
+                                  [&](auto dim) { bench_iteration<dim>(bench, communicator, other); });
+                 });
+      }
   }
   const std::vector<Preconditioner> preconditioners = {
       {"jacobi", ""},
