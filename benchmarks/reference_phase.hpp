@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mpm_hpc/effects/phase_field/phase_law.hpp"
+#include "mpm_hpc/fields/node_box.hpp"
 #include "mpm_hpc/parallel/mpi_handle.hpp"
 #include "mpm_hpc/solvers/linear_solver.hpp"
 #include "reference_step.hpp"
@@ -48,10 +49,7 @@ class ReferencePhase {
   }
 
  private:
-  static constexpr int nodes =
-      Dim == 2 ? Kernel::support * Kernel::support : Kernel::support * Kernel::support * Kernel::support;
-  static constexpr int width = 2 * Kernel::support - 1;
-  static constexpr int couplings = Dim == 2 ? width * width : width * width * width;
+  static constexpr int nodes = box_nodes<Dim>(Kernel::support), couplings = box_nodes<Dim>(2 * Kernel::support - 1);
 
   MPI_Comm comm() const { return mpi_comm(communicator_); }
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "mpm_hpc/fields/node_box.hpp"
 #include "mpm_hpc/time/implicit_system.hpp"
 
 namespace mpm {
@@ -7,21 +8,17 @@ namespace mpm {
 // The same for all tangents of a step.
 template <int Dim>
 void ImplicitSystem<Dim>::find_neighbours(const State<Dim>& state, const Real* number) {
-  const int reach = products_.front()->reach(), width = 2 * reach + 1;
-  const int offsets = Dim == 2 ? width * width : width * width * width;
   first_neighbours_.assign(1, 0);
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const std::size_t node = rows_[r];
     const Slot* around = state.topology().neighbours(static_cast<Slot>(node / nodes_per_block<Dim>));
     const IntVec<Dim> place = node_in_block<Dim>(static_cast<int>(node % nodes_per_block<Dim>));
-    for (int n = 0; n < offsets; ++n) {
-      IntVec<Dim> offset;
-      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= width) offset[a] = rest % width - reach;
+    for_offsets<Dim>(products_.front()->reach(), [&](int n, const IntVec<Dim>& offset) {
       const std::size_t other = node_around<Dim>(around, place + offset);
-      if (other == no_node || number[other] < 0) continue;
-      if (storage_ == BlockStorage::symmetric && number[other] < number[node]) continue;
+      if (other == no_node || number[other] < 0) return;
+      if (storage_ == BlockStorage::symmetric && number[other] < number[node]) return;
       neighbours_.push_back({static_cast<std::int32_t>(other), n});
-    }
+    });
     // PETSc counts what it needs from the order of the columns.
     std::sort(neighbours_.begin() + static_cast<std::ptrdiff_t>(first_neighbours_.back()), neighbours_.end(),
               [number](const Neighbour& a, const Neighbour& b) { return number[a.node] < number[b.node]; });
@@ -44,8 +41,8 @@ void ImplicitSystem<Dim>::assemble(State<Dim>& state) {
   using Block = Eigen::Matrix<Real, Dim, Dim, Eigen::RowMajor>;
   GridFields& fields = state.fields;
   const StencilProducts<Dim>& products = *products_.front();
-  const int width = 2 * products.reach() + 1, per_node = products.tangent_blocks() * block;
-  const int middle = (Dim == 2 ? width * width : width * width * width) / 2;
+  const int per_node = products.tangent_blocks() * block;
+  const int middle = box_nodes<Dim>(2 * products.reach() + 1) / 2;
   Real* number = fields.template data<Real>(row_number_);
   Real* projector = fields.template data<Real>(projector_);
   std::fill_n(number, fields.nodes(), -1.0);

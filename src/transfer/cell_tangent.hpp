@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "mpm_hpc/fields/node_box.hpp"
 #include "mpm_hpc/math/tensor.hpp"
 
 namespace mpm {
@@ -14,7 +15,7 @@ namespace mpm {
 template <int Dim, int Support>
 class CellTangent {
  public:
-  static constexpr int nodes = Dim == 2 ? Support * Support : Support * Support * Support;
+  static constexpr int nodes = box_nodes<Dim>(Support);
   static constexpr int block = Dim * Dim, lanes = pack_width<Real>;
 
   void clear() { std::fill(std::begin(K_), std::end(K_), 0.0); }

@@ -19,7 +19,7 @@ class Products final : public StencilProducts<Dim> {
   using S = Pack<Real>;
   static constexpr int lanes = pack_width<Real>;
   static constexpr int support = Kernel::support;
-  static constexpr int nodes = Dim == 2 ? support * support : support * support * support;
+  static constexpr int nodes = CellTangent<Dim, support>::nodes;
   static constexpr int block = Dim * Dim;
   // Second differences of a stencil: along each direction, on each line, from each of its first nodes.
   static constexpr int lines = nodes / support, differences = Dim * lines * (support - 2);

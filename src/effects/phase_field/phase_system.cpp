@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "mpm_hpc/fields/node_box.hpp"
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/transfer/operator_stencil.hpp"
 
@@ -169,7 +170,6 @@ template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
   using Stencil = OperatorStencil<Kernel, Dim>;
-  constexpr int reach = Stencil::offsets - 1, width = 2 * reach + 1;
   GridFields& fields = state.fields;
   stencil_to_field<T>(state);
   T* number = fields.template data<T>(row_number_);
@@ -186,19 +186,17 @@ void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const Slot* around = state.topology().neighbours(static_cast<Slot>(rows_[r] / nodes_per_block<Dim>));
     const IntVec<Dim> node = node_in_block<Dim>(static_cast<int>(rows_[r] % nodes_per_block<Dim>));
-    for (int n = 0; n < (Dim == 2 ? width * width : width * width * width); ++n) {
-      IntVec<Dim> offset;
-      for (int a = Dim - 1, rest = n; a >= 0; --a, rest /= width) offset[a] = rest % width - reach;
+    for_offsets<Dim>(Stencil::offsets - 1, [&](int, const IntVec<Dim>& offset) {
       const std::size_t other = node_around<Dim>(around, node + offset),
                         corner = node_around<Dim>(around, node + offset.cwiseMin(0));
-      if (other == no_node || corner == no_node || number[2 * other] < 0) continue;
+      if (other == no_node || corner == no_node || number[2 * other] < 0) return;
       Real entry = stencil[corner * Stencil::size + static_cast<std::size_t>(Stencil::number(offset.cwiseAbs()))];
       if (other == rows_[r]) entry += mass_[r];
-      if (entry == 0) continue;
+      if (entry == 0) return;
       matrix_.columns.push_back(static_cast<int>(static_cast<GlobalIndex>(number[2 * other]) * row_base +
                                                  static_cast<GlobalIndex>(number[2 * other + 1])));
       matrix_.values.push_back(entry);
-    }
+    });
     matrix_.starts.push_back(static_cast<int>(matrix_.columns.size()));
   }
   solver_.assemble(matrix_);
