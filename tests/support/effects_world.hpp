@@ -14,6 +14,16 @@ struct Case {
   using T = Number;
 };
 
+using EffectCases = testing::Types<Case<2, double>, Case<2, float>, Case<3, double>, Case<3, float>>;
+
+// Names of EffectsWorld in the body of a typed test.
+#define IN_EFFECTS_WORLD                              \
+  constexpr int Dim = TestFixture::Dim;               \
+  using T [[maybe_unused]] = typename TestFixture::T; \
+  using V [[maybe_unused]] = Vec<Dim>;                \
+  [[maybe_unused]] auto& state = this->state;         \
+  [[maybe_unused]] const Real tolerance = this->tolerance
+
 template <class C>
 class EffectsWorld : public testing::Test {
  public:
