@@ -26,8 +26,10 @@ GridStages<Dim>::GridStages(State<Dim>& state, StepHooks<Dim> hooks)
       single_(transfer_kernels<Dim, float>(state.transfer)),
       double_(transfer_kernels<Dim, double>(state.transfer)) {
   for (FieldId f = 0; f < state.fields.count(); ++f) {
-    if (state.fields.traits(f).sums_ghosts) summed_.push_back(f);
-    if (state.fields.traits(f).fills_ghosts) filled_.push_back(f);
+    // Without hooks in P2G and G2P these serve the core's fields alone: implicit steps fill those of effects in their own turn.
+    const bool core = f == state.nodes || f == state.changes;
+    if (state.fields.traits(f).sums_ghosts && (core || !hooks_.on_p2g.empty())) summed_.push_back(f);
+    if (state.fields.traits(f).fills_ghosts && (core || !hooks_.on_g2p.empty())) filled_.push_back(f);
   }
   Timers& t = state.timers;
   stage_sort_ = t.stage("sort and migrate");
