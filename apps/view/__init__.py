@@ -1,0 +1,1 @@
+"""The parts of mpm_view: frames, quantities, projections, pages, curves."""
