@@ -12,6 +12,7 @@ namespace mpm::checkpoint {
 inline constexpr const char* format_name = "mpm_hpc checkpoint";
 inline constexpr const char* scene_path = "scene";
 inline constexpr const char* owners_path = "owners";
+inline constexpr const char* curve_cuts_path = "curve_cuts";
 inline constexpr const char* numbers_group = "numbers";
 inline constexpr const char* bodies_group = "bodies";
 

@@ -146,6 +146,9 @@ CheckpointHeader checkpoint::parse_header(const std::filesystem::path& file) {
   state.scene_text = need(file, source.text_dataset(scene_path), "the scene");
   check_sum(file, source, scene_path, state.scene_text);
   state.owners = checked_values<std::int32_t>(file, source, owners_path);
+  if (const auto paths = need(file, source.names("/"), "the list of its parts");
+      std::find(paths.begin(), paths.end(), curve_cuts_path) != paths.end())
+    state.curve_cuts = checked_values<GlobalIndex>(file, source, curve_cuts_path);
   for (const std::string& name : need(file, source.names(numbers_group), "the list of numbers"))
     state.numbers[name] = checked_values<Real>(file, source, std::string(numbers_group) + "/" + name);
 
@@ -181,7 +184,8 @@ Json to_json(const CheckpointHeader& header) {
           bodies,           s.step,
           s.time,           s.dt,
           s.ranks,          s.code_version,
-          s.scene_text,     s.numbers};
+          s.scene_text,     s.numbers,
+          s.curve_cuts};
 }
 
 CheckpointHeader from_json(const Json& json) {
@@ -202,6 +206,7 @@ CheckpointHeader from_json(const Json& json) {
   s.code_version = json[7];
   s.scene_text = json[8];
   s.numbers = json[9].get<std::map<std::string, std::vector<Real>>>();
+  s.curve_cuts = json[10].get<std::vector<GlobalIndex>>();
   return header;
 }
 

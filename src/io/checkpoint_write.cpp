@@ -53,6 +53,7 @@ void lay_out_state(Hdf5Image& image, const CheckpointState& state) {
   const Hdf5Id scene = image.make_text_dataset(checkpoint::scene_path, state.scene_text);
   image.set_attribute(scene, "checksum", checksum(state.scene_text.data(), state.scene_text.size(), 1, 0));
   make_checked_dataset(image, checkpoint::owners_path, state.owners);
+  make_checked_dataset(image, checkpoint::curve_cuts_path, state.curve_cuts);
   image.make_group(checkpoint::numbers_group);
   for (const auto& [name, values] : state.numbers) {
     debug_check(!name.empty() && name.find('/') == std::string::npos,

@@ -65,6 +65,8 @@ void Communicator::sum(std::vector<Real>& values) const { reduce(*handle_, value
 void Communicator::min(std::vector<Real>& values) const { reduce(*handle_, values, MPI_DOUBLE, MPI_MIN); }
 void Communicator::max(std::vector<Real>& values) const { reduce(*handle_, values, MPI_DOUBLE, MPI_MAX); }
 
+void Communicator::max(std::vector<GlobalIndex>& values) const { reduce(*handle_, values, MPI_INT64_T, MPI_MAX); }
+
 void Communicator::sum(std::vector<CompensatedSum>& values) const {
   reduce(*handle_, values, handle_->sum_pair, handle_->compensated_sum);
 }
@@ -74,6 +76,13 @@ GlobalIndex Communicator::exclusive_sum(GlobalIndex value) const {
   ++handle_->collectives;
   MPI_Exscan(&value, &result, 1, MPI_INT64_T, MPI_SUM, handle_->comm);
   return rank_ == 0 ? 0 : result;
+}
+
+GlobalIndex Communicator::exclusive_max(GlobalIndex value) const {
+  GlobalIndex result = -1;
+  ++handle_->collectives;
+  MPI_Exscan(&value, &result, 1, MPI_INT64_T, MPI_MAX, handle_->comm);
+  return rank_ == 0 ? -1 : result;
 }
 
 void Communicator::broadcast(Bytes& bytes, int from) const {

@@ -39,13 +39,13 @@ template <int Dim>
 typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vector<Body<Dim>>& bodies,
                                                                 Real factor) const {
   std::unordered_map<GlobalIndex, Real> sums;
-  GlobalIndex last = -1;
+  IntVec<Dim> last = IntVec<Dim>::Constant(-1);
   Real* sum = nullptr;  // of the last block; most particles follow one of the same block
   for (const Body<Dim>& body : bodies)
     for (Index p = 0; p < body.particles.size(); ++p) {
       if (body.is_padding(p)) continue;
-      const GlobalIndex block = decomposition_.coarse_index(decomposition_.home(block_of(body, p)));
-      if (block != last) sum = &sums[block];
+      const IntVec<Dim> block = block_of(body, p);
+      if (block != last) sum = &sums[decomposition_.grain(block)];
       last = block;
       *sum += factor;
     }
@@ -178,12 +178,16 @@ std::vector<typename Distribution<Dim>::Leaving> Distribution<Dim>::find_leaving
   std::vector<Leaving> leaving(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const Body<Dim>& body = bodies[b];
+    IntVec<Dim> last = IntVec<Dim>::Constant(-1);
+    int owner = 0;  // of the last block
     for (Index p = 0; p < body.particles.size(); ++p) {
       if (body.is_padding(p)) {
         leaving[b].free.push_back(p);
         continue;
       }
-      const int owner = decomposition_.owner(block_of(body, p));
+      const IntVec<Dim> block = block_of(body, p);
+      if (block != last) owner = decomposition_.owner(block);
+      last = block;
       if (owner != communicator_.rank()) leaving[b].particles[owner].push_back(p);
     }
   }
@@ -286,7 +290,11 @@ void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields&
                                      Real seconds) {
   wrap(bodies);
   apply_leave_policy(bodies);
-  if (decomposition_.empty()) decomposition_.partition(communicator_, weights(bodies, 1), 0);
+  if (decomposition_.empty()) {
+    auto first = weights(bodies, 1);
+    if (decomposition_.choose(communicator_, static_cast<GlobalIndex>(first.size()))) first = weights(bodies, 1);
+    decomposition_.partition(communicator_, first, 0);
+  }
   migrate(bodies);
 
   Real factor = 1;

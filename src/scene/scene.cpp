@@ -225,11 +225,13 @@ void read_parallel(Parameters& p, DistributionOptions& options) {
     q.real("rebalance_threshold", options.rebalance_threshold,
            {.min = 1, .doc = "Largest over mean load of a rank past which the blocks are partitioned anew, if that wins 2 %."});
     std::string partitioner = "auto";
-    q.choice("partitioner", partitioner, {"auto", "bisection", "metis"},
-             "Who divides the blocks among the ranks: bisection across the longest side of what is left, METIS, or auto: METIS "
-             "where bisection leaves an imbalance.");
+    q.choice("partitioner", partitioner, {"auto", "bisection", "metis", "curve"},
+             "Who divides the blocks among the ranks: bisection across the longest side of what is left, METIS, pieces of "
+             "Hilbert's curve, or auto: METIS where bisection leaves an imbalance, and the curve for many ranks and for a "
+             "body that is small in its domain.");
     options.partitioner = partitioner == "metis"       ? Partitioner::metis
                           : partitioner == "bisection" ? Partitioner::bisection
+                          : partitioner == "curve"     ? Partitioner::curve
                                                        : Partitioner::automatic;
     std::string weights = "count";
     q.choice("weights", weights, {"count", "time"},

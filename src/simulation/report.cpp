@@ -282,6 +282,7 @@ std::string explain(State<Dim>& state, const std::vector<std::unique_ptr<Effect<
                         t.fills_ghosts ? " filled" : "");
   }
   text += "\n";
+  text += state.distribution.decomposition().describe() + "\n";
   if (effects.empty()) text += "no effects\n";
   for (const auto& effect : effects) text += "effect " + effect->explain() + "\n";
   const auto account = sum_account(communicator, memory_account(state, effects));

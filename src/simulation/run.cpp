@@ -96,8 +96,7 @@ void Run<Dim>::restart() {
   count_file(totals_.restart, *options_.restart);
   const CheckpointState saved = read_checkpoint(communicator_, *options_.restart, state_.bodies, state_.precision);
   Decomposition<Dim>& decomposition = state_.distribution.decomposition();
-  if (saved.ranks == communicator_.size() && static_cast<GlobalIndex>(saved.owners.size()) == decomposition.entries())
-    decomposition.set_owners(saved.owners);
+  if (saved.ranks == communicator_.size()) decomposition.restore(saved.owners, saved.curve_cuts, saved.ranks);
   state_.step = saved.step;
   state_.time = saved.time;
   state_.dt = saved.dt;
@@ -205,6 +204,7 @@ CheckpointState Run<Dim>::checkpoint_state() {
   saved.scene_text = scene_.text;
   saved.numbers = state_numbers();
   saved.owners = state_.distribution.decomposition().owners();
+  saved.curve_cuts = state_.distribution.decomposition().cuts();
   return saved;
 }
 
@@ -322,6 +322,8 @@ ExitCode Run<Dim>::run() {
   progress_ = std::make_unique<Progress>(communicator_.root(), state_.time, end_);
   progress_->say(fmt::format("{}{}{} particles on {} ranks, into {}", scene_.title, scene_.title.empty() ? "" : ": ",
                              particles_, communicator_.size(), folder_.string()));
+  if (state_.distribution.decomposition().on_curve())
+    progress_->say("  " + state_.distribution.decomposition().describe());
   for (const auto& effect : scene_.effects) progress_->say("  " + effect->explain());
   try {
     loop();

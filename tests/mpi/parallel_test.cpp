@@ -191,6 +191,7 @@ TEST(Parallel, CollectivesAgreeWithTheirSerialMeaning) {
   EXPECT_EQ(c.min(static_cast<Real>(me)), 0);
   EXPECT_EQ(c.max(static_cast<Real>(-me)), 0);
   EXPECT_EQ(c.exclusive_sum(me + 1), me * (me + 1) / 2);
+  EXPECT_EQ(c.exclusive_max(7 - me), me == 0 ? -1 : 7);
   EXPECT_TRUE(c.any(me == size - 1));
   EXPECT_FALSE(c.any(false));
   std::vector<Real> list = {1.0 * me, -1.0 * me};

@@ -48,7 +48,7 @@ std::string list(Real x, Real y, Real z) {
 
 // Two boxes, at rest or on the way to each other.
 template <int Dim>
-std::string scene_text(bool single, Real speed, const std::string& effect = "") {
+std::string scene_text(bool single, Real speed, const std::string& effect = "", const std::string& partitioner = "auto") {
   auto box = [&](const char* name, Real x0, Real y0, Real x1, Real y1, Real v) {
     return fmt::format(
         "[[body]]\nname = \"{}\"\nmaterial = \"glass\"\nvelocity = {}\nangular_velocity = {}\n"
@@ -58,7 +58,7 @@ std::string scene_text(bool single, Real speed, const std::string& effect = "") 
   };
   return fmt::format("dimension = {}\nprecision = \"{}\"\n", Dim, single ? "single" : "double") +
          "[domain]\nlower = " + list<Dim>(0, 0, 0) + "\nupper = " + list<Dim>(6, 3, 2) +
-         "\n[grid]\nspacing = 0.1\n[time]\nend = 2\n[output]\nframes = false\ncheckpoint = false\n"
+         "\n[grid]\nspacing = 0.1\n[time]\nend = 2\n[output]\nframes = false\ncheckpoint = false\n[parallel]\npartitioner = \"" + partitioner + "\"\n"
          "[material.glass]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = 1e4\npoisson_ratio = 0.3\n"
          "density = 1000\n" + (effect.empty() ? "" : "fracture_toughness = 100\n") +
          box("left", 0.5, 0.5, 2.1, 1.6, speed) + box("right", 3.4, 0.8, 4.7, 1.7, -speed) + effect;
@@ -167,45 +167,48 @@ TYPED_TEST_SUITE(Traffic, Cases);
 
 TYPED_TEST(Traffic, OfAnElasticStepFollowsFromThePartition) {
   constexpr int Dim = TypeParam::Dim;
-  test::SceneWorld<Dim> world(scene_text<Dim>(TypeParam::single, 2.5));
-  State<Dim>& state = world.state;
-  ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
-  integrator.initialise(state);
-  std::vector<Vec<Dim>> places = places_of_all(world);
-  GhostCounts ghosts = count_ghosts(state, places);
-  const int first_sorts = state.distribution.sorts();
-  std::int64_t all_bytes = 0, all_messages = 0;
-  for (int step = 0; step < 60; ++step) {
-    places = places_of_all(world);
-    const int sorts = state.distribution.sorts();
-    const GlobalIndex messages = state.halo().messages(), bytes = state.halo().bytes();
-    state.dt = integrator.stable_step(state);
-    sent_messages.clear();
-    recording = true;
-    integrator.step(state);
-    recording = false;
-    if (state.distribution.sorts() != sorts) ghosts = count_ghosts(state, places);
-    Expected expected;
-    expected.sum(ghosts, test::rank(), (Dim + 1) * TypeParam::bytes);
-    expected.fill(ghosts, test::rank(), (Dim + 1) * TypeParam::bytes);
-    expect_sent(expected, state.halo().messages() - messages, state.halo().bytes() - bytes);
-    all_bytes = expected.bytes;
-    all_messages = expected.count;
-    if (!test::all_ranks_ok(!this->HasFailure())) break;
+  for (const std::string partitioner : {"auto", "curve"}) {
+    test::SceneWorld<Dim> world(scene_text<Dim>(TypeParam::single, 2.5, "", partitioner));
+    State<Dim>& state = world.state;
+    ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
+    integrator.initialise(state);
+    std::vector<Vec<Dim>> places = places_of_all(world);
+    GhostCounts ghosts = count_ghosts(state, places);
+    const int first_sorts = state.distribution.sorts();
+    std::int64_t all_bytes = 0, all_messages = 0;
+    for (int step = 0; step < 60; ++step) {
+      places = places_of_all(world);
+      const int sorts = state.distribution.sorts();
+      const GlobalIndex messages = state.halo().messages(), bytes = state.halo().bytes();
+      state.dt = integrator.stable_step(state);
+      sent_messages.clear();
+      recording = true;
+      integrator.step(state);
+      recording = false;
+      if (state.distribution.sorts() != sorts) ghosts = count_ghosts(state, places);
+      Expected expected;
+      expected.sum(ghosts, test::rank(), (Dim + 1) * TypeParam::bytes);
+      expected.fill(ghosts, test::rank(), (Dim + 1) * TypeParam::bytes);
+      expect_sent(expected, state.halo().messages() - messages, state.halo().bytes() - bytes);
+      all_bytes = expected.bytes;
+      all_messages = expected.count;
+      if (!test::all_ranks_ok(!this->HasFailure())) break;
+    }
+    const Communicator& c = state.communicator();
+    EXPECT_GE(state.distribution.sorts() - first_sorts, 3) << "the boxes must cross cells";
+    const GlobalIndex migrated = c.sum(state.distribution.migrated());
+    all_bytes = c.sum(all_bytes);
+    all_messages = c.sum(all_messages);
+    if (test::rank() == 0)
+      std::printf("%dD on %d ranks, %s: %lld messages, %lld bytes in the last of 60 steps, %d sorts\n", Dim,
+                  test::size(), partitioner.c_str(), static_cast<long long>(all_messages),
+                  static_cast<long long>(all_bytes), state.distribution.sorts() - first_sorts);
+    if (test::size() > 1) {
+      EXPECT_GT(migrated, 0);
+    }
+    EXPECT_EQ(all_bytes > 0, test::size() > 1);
+    EXPECT_EQ(state.distribution.decomposition().on_curve(), partitioner == "curve");
   }
-  const Communicator& c = state.communicator();
-  EXPECT_GE(state.distribution.sorts() - first_sorts, 3) << "the boxes must cross cells";
-  const GlobalIndex migrated = c.sum(state.distribution.migrated());
-  all_bytes = c.sum(all_bytes);
-  all_messages = c.sum(all_messages);
-  if (test::rank() == 0)
-    std::printf("%dD on %d ranks: %lld messages, %lld bytes in the last of 60 steps, %d sorts\n", Dim,
-                test::size(), static_cast<long long>(all_messages), static_cast<long long>(all_bytes),
-                state.distribution.sorts() - first_sorts);
-  if (test::size() > 1) {
-    EXPECT_GT(migrated, 0);
-  }
-  EXPECT_EQ(all_bytes > 0, test::size() > 1);
 }
 
 // A CG solve applies the operator once for its first residual and once per iteration; each time the argument is filled and

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <numeric>
 
 #include "mpm_hpc/time/explicit_integrator.hpp"
 #include "support/mpi_test.hpp"
@@ -280,13 +281,19 @@ TEST(MirrorWalls, TheReactionsBalance) {
 
 // A node beyond a side and its image have one owner, wherever the upper sides lie and however the blocks are dealt out.
 template <int Dim>
-void check_owners() {
+void check_owners(bool on_curve) {
   for (int half_cells = 8; half_cells <= 30; ++half_cells) {
     const GridGeometry<Dim> grid(Vec<Dim>::Zero(), Vec<Dim>::Constant(0.5 * half_cells), 1);
-    Decomposition<Dim> decomposition(grid);
+    Decomposition<Dim> decomposition(grid, on_curve ? Partitioner::curve : Partitioner::automatic);
     std::vector<std::int32_t> owners(static_cast<std::size_t>(decomposition.entries()));
-    for (std::size_t i = 0; i < owners.size(); ++i) owners[i] = static_cast<std::int32_t>(i);
-    decomposition.set_owners(owners);
+    std::iota(owners.begin(), owners.end(), 0);
+    CurveCuts cuts(std::size_t{1} << Dim * curve_levels<Dim>(grid.blocks()));
+    std::iota(cuts.begin(), cuts.end(), 1);
+    if (on_curve) {
+      decomposition.restore({}, cuts, static_cast<int>(cuts.size()) + 1);
+    } else {
+      decomposition.set_owners(owners);
+    }
     const auto owner = [&](const IntVec<Dim>& node) {
       return decomposition.owner(IntVec<Dim>(node / block_side));
     };
@@ -301,8 +308,10 @@ void check_owners() {
   }
 }
 TEST(MirrorWalls, ANodeAndItsImageHaveOneOwner) {
-  check_owners<2>();
-  check_owners<3>();
+  for (const bool on_curve : {false, true}) {
+    check_owners<2>(on_curve);
+    check_owners<3>(on_curve);
+  }
 }
 
 TEST(MirrorWalls, SidesThatAreNoMirrorsSaySo) {

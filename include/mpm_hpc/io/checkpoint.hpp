@@ -24,6 +24,7 @@ struct CheckpointState {
   std::string scene_text;
   std::map<std::string, std::vector<Real>> numbers;  // of the integrator and the effects; names without '/'
   std::vector<std::int32_t> owners;                  // of the coarse blocks, for `ranks` ranks
+  std::vector<GlobalIndex> curve_cuts;               // in place of the owners; older files have none
   int ranks = 1;                                     // set by the writer
 };
 

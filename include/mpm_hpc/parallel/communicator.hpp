@@ -42,9 +42,12 @@ class Communicator {
   void sum(std::vector<Real>& values) const;
   void min(std::vector<Real>& values) const;
   void max(std::vector<Real>& values) const;
+  void max(std::vector<GlobalIndex>& values) const;
   void sum(std::vector<CompensatedSum>& values) const;
   // Sum over the ranks before this one.
   GlobalIndex exclusive_sum(GlobalIndex value) const;
+  // Largest of the ranks before this one; -1 on rank 0.
+  GlobalIndex exclusive_max(GlobalIndex value) const;
   bool any(bool value) const { return max(static_cast<GlobalIndex>(value)) != 0; }
 
   void broadcast(Bytes& bytes, int from = 0) const;

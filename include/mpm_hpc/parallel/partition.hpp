@@ -43,10 +43,11 @@ std::vector<int> graph_partition(const IntVec<Dim>& counts, const BlockWeights& 
 template <int Dim>
 std::vector<int> bisection_partition(const IntVec<Dim>& counts, const BlockWeights& weights, int parts);
 
-// automatic: by bisection; where that leaves a large imbalance, because few and unequal blocks come on a part, METIS tries
-// too, and the better balance wins.
-enum class Partitioner { automatic, bisection, metis };
+// automatic: see Decomposition; curve: pieces of Hilbert's curve, which the ranks cut together.
+enum class Partitioner { automatic, bisection, metis, curve };
 
+// What rank 0 does. automatic: by bisection; where that leaves a large imbalance, because few and unequal blocks come on a
+// part, METIS tries too, and the better balance wins.
 template <int Dim>
 std::vector<int> partition_blocks(Partitioner partitioner, const IntVec<Dim>& counts,
                                   const BlockWeights& weights, int parts);
