@@ -72,12 +72,14 @@ void bench_balance(benchmark::State& bench, const Communicator& communicator, in
   const int steps = static_cast<int>(2 * n / (cfl * speed / (1 + speed))) / (rounds + 1);
   Flight<Dim> on(communicator, "on", flight_text<Dim>(n, 1.1, "auto")),
       metis(communicator, "metis", flight_text<Dim>(n, 1.1, "metis")),
+      curve(communicator, "curve", flight_text<Dim>(n, 1.1, "curve")),
       off(communicator, "off", flight_text<Dim>(n, 1e9, "auto"));
   std::vector<std::vector<double>> times;
   for (auto unused : bench) {
     (void)unused;
     times = time_in_turns(communicator, rounds,
-                          {[&] { on.steps(steps); }, [&] { metis.steps(steps); }, [&] { off.steps(steps); }});
+                          {[&] { on.steps(steps); }, [&] { metis.steps(steps); }, [&] { off.steps(steps); },
+                           [&] { curve.steps(steps); }});
     bench.SetIterationTime(median(times[0]) / steps);
   }
   std::vector<double> seconds;
@@ -85,10 +87,12 @@ void bench_balance(benchmark::State& bench, const Communicator& communicator, in
   on.report(bench, seconds[0], static_cast<int>(times[0].size()) * steps);
   metis.report(bench, seconds[1], static_cast<int>(times[0].size()) * steps);
   off.report(bench, seconds[2], static_cast<int>(times[0].size()) * steps);
+  curve.report(bench, seconds[3], static_cast<int>(times[0].size()) * steps);
   bench.counters["particles"] = static_cast<double>(off.block.particles());
   bench.counters["ranks"] = communicator.size();
   bench.counters["ratio"] = seconds[2] / seconds[0];
   bench.counters["metis_ratio"] = seconds[2] / seconds[1];
+  bench.counters["curve_ratio"] = seconds[2] / seconds[3];
 }
 
 void register_cases(const Communicator& communicator, const BenchOptions& options) {

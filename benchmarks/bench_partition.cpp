@@ -1,5 +1,6 @@
-// Partitions of weighted coarse blocks: METIS as Decomposition uses it against Zoltan's recursive coordinate bisection, by
-// cut, imbalance, weight that moves with a body, and seconds; and how METIS grows with blocks and parts.
+// Partitions of weighted coarse blocks: METIS, bisection and Hilbert's curve as Decomposition uses them against Zoltan's
+// recursive coordinate bisection, by cut, neighbours, imbalance, weight that moves with a body, and seconds; and how they grow
+// with blocks and parts.
 #include <fmt/format.h>
 #include <malloc.h>
 
@@ -9,7 +10,9 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
+#include <numeric>
 #include <string>
+#include <unordered_set>
 
 #include "harness.hpp"
 #include "mpm_hpc/parallel/decomposition.hpp"
@@ -67,6 +70,24 @@ GlobalIndex edge_cut(const Counts& counts, const BlockWeights& weights, const st
   return cut;
 }
 
+// Parts that a part has blocks beside, corners included: mean over the parts.
+Real neighbours(const Counts& counts, const BlockWeights& weights, const std::vector<int>& parts, int count) {
+  std::vector<int> part(counts.cast<GlobalIndex>().prod(), -1);
+  for (std::size_t i = 0; i < weights.size(); ++i) part[weights[i].first] = parts[i];
+  std::unordered_set<GlobalIndex> pairs;
+  for (const auto& [block, weight] : weights) {
+    const Counts centre = coarse_coordinates<Dim>(block, counts);
+    for (int n = 0; n < block_neighbours<Dim>; ++n) {
+      Counts c = centre;
+      for (int a = 0, rest = n; a < Dim; ++a, rest /= 3) c[a] += rest % 3 - 1;
+      if ((c.array() < 0).any() || (c.array() >= counts.array()).any()) continue;
+      const int other = part[(GlobalIndex{c[0]} * counts[1] + c[1]) * counts[2] + c[2]];
+      if (other >= 0 && other != part[block]) pairs.insert(GlobalIndex{part[block]} * count + other);
+    }
+  }
+  return static_cast<Real>(pairs.size()) / count;
+}
+
 // Share of the weight in blocks that the table gives to another rank.
 Real moved_share(const BlockWeights& weights, const std::vector<int>& parts,
                  const std::vector<std::int32_t>& owners) {
@@ -102,6 +123,30 @@ std::vector<int> bisect(const Communicator& communicator, ZoltanRcb& zoltan, con
   return all;
 }
 
+// The blocks in the order of Hilbert's curve: their numbers in `weights`, and their places and weights.
+std::pair<std::vector<std::size_t>, BlockWeights> along_curve(const Counts& counts, const BlockWeights& weights) {
+  const int levels = curve_levels<Dim>(counts);
+  std::vector<GlobalIndex> places;
+  for (const auto& [block, weight] : weights)
+    places.push_back(curve_place<Dim>(coarse_coordinates<Dim>(block, counts), levels));
+  std::vector<std::size_t> order(weights.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return places[a] < places[b]; });
+  BlockWeights sorted;
+  for (const std::size_t i : order) sorted.push_back({places[i], weights[i].second});
+  return {order, sorted};
+}
+
+// Pieces of the curve, all blocks of which rank 0 holds. Collective.
+std::vector<int> curve_partition(const Communicator& communicator, const Counts& counts, const BlockWeights& weights,
+                                 int parts) {
+  const auto [order, sorted] = communicator.root() ? along_curve(counts, weights) : decltype(along_curve(counts, weights)){};
+  const CurveCuts cuts = cut_curve(communicator, sorted, parts);
+  std::vector<int> result(sorted.size());
+  for (std::size_t i = 0; i < sorted.size(); ++i) result[order[i]] = piece_of(cuts, sorted[i].first);
+  return result;
+}
+
 // A way to divide the blocks; called on all ranks, the parts are on rank 0.
 struct Partitioner {
   std::string name;
@@ -115,7 +160,10 @@ std::vector<Partitioner> partitioners(const Communicator& communicator, int coun
     };
   };
   std::vector<Partitioner> list = {{"metis", on_root(graph_partition<Dim>)},
-                                   {"bisection", on_root(bisection_partition<Dim>)}};
+                                   {"bisection", on_root(bisection_partition<Dim>)},
+                                   {"curve", [&communicator, count](const Counts& counts, const BlockWeights& weights) {
+                                      return curve_partition(communicator, counts, weights, count);
+                                    }}};
   if (ZoltanRcb::available())
     for (const bool reuse : {false, true}) {
       const auto zoltan = std::make_shared<ZoltanRcb>(communicator, count, reuse);
@@ -131,6 +179,7 @@ void report(benchmark::State& bench, const std::string& name, const Counts& coun
             const BlockWeights& weights, const std::vector<int>& parts, int count) {
   bench.counters[name + "_cut"] = static_cast<double>(edge_cut(counts, weights, parts));
   bench.counters[name + "_imbalance"] = max_over_mean(weights, parts, count);
+  bench.counters[name + "_neighbours"] = neighbours(counts, weights, parts, count);
 }
 
 void bench_table(benchmark::State& bench, const Communicator& communicator, const Counts& counts, int count) {
@@ -170,7 +219,8 @@ void bench_moved(benchmark::State& bench, const Communicator& communicator, int 
       bench.counters[p.name + "_seconds"] = seconds_of([&] { second = p.divide(counts, after); });
       if (!communicator.root()) continue;
       const std::vector<std::int32_t> owners = owners_of_all<Dim>(counts, before, first);
-      const std::vector<int> named = renamed_parts(after, second, owners, count);
+      // Pieces of the curve keep their order, and nobody names them.
+      const std::vector<int> named = p.name == "curve" ? second : renamed_parts(after, second, owners, count);
       report(bench, p.name, counts, after, named, count);
       bench.counters[p.name + "_moved_unnamed"] = moved_share(after, second, owners);
       bench.counters[p.name + "_moved"] = moved_share(after, named, owners);
@@ -191,14 +241,18 @@ double status_megabytes(const std::string& key) {
   return 0;
 }
 
-// What rank 0 does for a domain whose blocks are all occupied, and each rank with the answer (`table_seconds`).
+// What rank 0 does for a domain whose blocks are all occupied, and each rank with the answer (`table_seconds`). Of the curve:
+// what the cuts take if one rank holds all blocks, and what a rank needs for its own share of the blocks (`curve_own_seconds`).
 void bench_growth(benchmark::State& bench, const Communicator& communicator, int side, int count) {
   const Counts counts = Counts::Constant(side);
   for (auto unused : bench) {
     (void)unused;
     bench.SetIterationTime(1);
     bench.counters["ranks"] = communicator.size();
-    if (!communicator.root()) continue;
+    if (communicator.size() > 1) {
+      bench.SkipWithError("runs on one rank");
+      break;
+    }
     const BlockWeights weights = full_table(counts);
     std::vector<int> parts;
     using Divide = std::vector<int> (*)(const Counts&, const BlockWeights&, int);
@@ -212,6 +266,18 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
       bench.counters[name + "_megabytes"] = status_megabytes("VmHWM") - held;
       report(bench, name, counts, weights, parts, count);
     }
+    const auto [order, sorted] = along_curve(counts, weights);
+    const BlockWeights own(sorted.begin(), sorted.begin() + std::max(1, static_cast<int>(sorted.size()) / count));
+    CurveCuts cuts;
+    bench.counters["curve_seconds"] = seconds_of([&] { cuts = cut_curve(communicator, sorted, count); });
+    bench.counters["curve_own_seconds"] = seconds_of([&] {
+      const CurveCuts same = cut_curve(communicator, own, count);
+      max_over_mean(communicator, own, cuts);
+      max_over_mean(communicator, own, same);
+    });
+    std::vector<int> pieces(parts.size());
+    for (std::size_t i = 0; i < sorted.size(); ++i) pieces[order[i]] = piece_of(cuts, sorted[i].first);
+    report(bench, "curve", counts, weights, pieces, count);
     std::vector<std::int32_t> owners;
     bench.counters["table_seconds"] =
         seconds_of([&] { owners = owners_of_all<Dim>(counts, weights, parts); });
@@ -221,21 +287,38 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
   }
 }
 
-// Decomposition::partition as a whole for a domain whose blocks are all occupied: weights to rank 0, division, owners back,
-// table on every rank.
+// Decomposition::partition as a whole for a domain whose blocks are all occupied: with a table (weights to rank 0, division,
+// owners back, table on every rank), and with the curve where the ranks hold pieces of it already (`curve_seconds`) and where
+// they hold slabs (`first_cut_seconds`).
 void bench_whole(benchmark::State& bench, const Communicator& communicator, int side) {
   const GridGeometry<Dim> grid(Vec<Dim>::Zero(), Vec<Dim>::Constant((side - 5) * block_side), 1);
-  Decomposition<Dim> decomposition(grid);
-  BlockWeights mine;
+  Decomposition<Dim> decomposition(grid), curve(grid, mpm::Partitioner::curve);
+  BlockWeights mine, on_curve;
   for (GlobalIndex block = communicator.rank() * decomposition.entries() / communicator.size();
        block < (communicator.rank() + 1) * decomposition.entries() / communicator.size(); ++block)
     mine.push_back({block, random_weight(block)});
+  const int levels = curve_levels<Dim>(grid.blocks());
+  for (const auto& [block, weight] : mine)
+    on_curve.push_back({curve_place<Dim>(coarse_coordinates<Dim>(block, grid.blocks()), levels), weight});
+  std::sort(on_curve.begin(), on_curve.end());
+  curve.partition(communicator, on_curve, 0);
+  BlockWeights piece;
+  for (GlobalIndex block = 0; block < decomposition.entries(); ++block)
+    if (const GlobalIndex place = curve_place<Dim>(coarse_coordinates<Dim>(block, grid.blocks()), levels);
+        piece_of(curve.cuts(), place) == communicator.rank())
+      piece.push_back({place, random_weight(block)});
+  std::sort(piece.begin(), piece.end());
   for (auto unused : bench) {
     (void)unused;
     const std::vector<std::vector<double>> times =
-        time_in_turns(communicator, 3, {[&] { decomposition.partition(communicator, mine, -1e9); }});
+        time_in_turns(communicator, 3,
+                      {[&] { decomposition.partition(communicator, mine, -1e9); },
+                       [&] { curve.partition(communicator, piece, -1e9); },
+                       [&] { curve.partition(communicator, on_curve, -1e9); }});
     bench.SetIterationTime(median(times[0]));
     bench.counters["seconds"] = median(times[0]);
+    bench.counters["curve_seconds"] = median(times[1]);
+    bench.counters["first_cut_seconds"] = median(times[2]);
   }
   bench.counters["blocks"] = static_cast<double>(decomposition.entries());
   bench.counters["ranks"] = communicator.size();
@@ -261,7 +344,7 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
     add_case(fmt::format("whole/{}", side * side * side),
              [&communicator, side](benchmark::State& bench) { bench_whole(bench, communicator, side); });
   for (const int side : sides)
-    for (const int parts : {2, 16, 64, 512, 4096, 16384, 65536})
+    for (const int parts : {2, 16, 64, 512, 4096, 16384, 100000})
       if (parts * 4 <= side * side * side)
         add_case(fmt::format("growth/{}/{}", side * side * side, parts),
                  [&communicator, side, parts](benchmark::State& bench) {
