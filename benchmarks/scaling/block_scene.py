@@ -31,6 +31,7 @@ class Block:
     steps: int = 60
     keeps: bool = False  # a checkpoint at the end
     cracked: bool = False  # with a phase field: a crack from the start, solved only around it, as a scene does by default
+    partitioner: str = "auto"
     spin: float = 0.1  # speed of the rim over the wave speed: some strain, so that the phase field has something to solve
 
     @property
@@ -83,8 +84,9 @@ poisson_ratio = {POISSON_RATIO}
                          f"upper = {[m + SPACING for m in middle]}}}\n")
             else:  # solved everywhere, which costs most
                 text += "active_tolerance = 0\n"
+        text += f"[parallel]\npartitioner = \"{self.partitioner}\"\n"
         if self.keeps:  # the owners in it are those of all steps
-            text += "[parallel]\nrebalance_threshold = 1e3\n"
+            text += "rebalance_threshold = 1e3\n"
         return text + f"""[[body]]
 name = "block"
 material = "block"

@@ -36,6 +36,38 @@ def owners_of_blocks(table, blocks):
     return np.asarray(table).reshape(coarse)[index]
 
 
+def curve_places(places, levels):
+    """Places on Hilbert's curve through 2^levels blocks in each direction (Skilling 2004) of blocks, one in each row."""
+    x = [np.array(column, np.int64) for column in np.transpose(places)]
+    bits = [1 << level for level in range(levels - 1, 0, -1)]
+    for bit in bits:
+        for axis in x:
+            turned = (axis & bit) != 0
+            swapped = np.where(turned, 0, (x[0] ^ axis) & (bit - 1))
+            axis ^= swapped  # the first axis is swapped with itself, that is, not at all
+            x[0] ^= np.where(turned, bit - 1, swapped)
+    for before, axis in zip(x, x[1:]):
+        axis ^= before
+    turned = np.zeros_like(x[0])
+    for bit in bits:
+        turned ^= np.where(x[-1] & bit, bit - 1, 0)
+    result = np.zeros_like(x[0])
+    for level in range(levels - 1, -1, -1):
+        for axis in x:
+            result = result << 1 | (axis ^ turned) >> level & 1
+    return result
+
+
+def curve_levels(blocks):
+    return int(max(blocks) - 1).bit_length()
+
+
+def owners_on_curve(cuts, blocks):
+    """The owner of each block from the cuts of a run."""
+    places = curve_places(np.stack(np.unravel_index(np.arange(np.prod(blocks)), blocks), axis=1), curve_levels(blocks))
+    return np.searchsorted(cuts, places, side="right").reshape(blocks)
+
+
 def reach_masks():
     """{offset of a neighbour: its nodes that are reached, a bit for each}."""
     masks = {}

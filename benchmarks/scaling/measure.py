@@ -75,10 +75,11 @@ def counted_and_predicted(program, block, ranks, launcher):
         report, _ = run(program, block, folder, ranks, launcher)
         [checkpoint] = (Path(folder) / "run").glob("checkpoint_*.h5")
         with h5py.File(checkpoint, "r") as file:
-            table = file["owners"][()]
+            table, cuts = file["owners"][()], file["curve_cuts"][()]
     domain = block.domain_cells()
     occupied = halo_count.occupied_blocks(domain, (FREE_CELLS,) * 3, block.cells)
-    owners = halo_count.owners_of_blocks(table, occupied.shape)
+    owners = (halo_count.owners_of_blocks(table, occupied.shape) if len(table)
+              else halo_count.owners_on_curve(cuts, occupied.shape))
     pairs, _, nodes, blocks = halo_count.ghosts(owners, occupied)
     iterations = sum(report["solver_iterations"].values()) / block.steps
     # The phase field's sums of the phase travel once, before the first solve.

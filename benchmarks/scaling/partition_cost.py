@@ -1,5 +1,5 @@
 """What METIS, asked in the words of src/parallel/decomposition.cpp, makes of a cube of blocks: seconds, balance, halo.
-Beside it recursive coordinate bisection and equal pieces of a space-filling curve."""
+Beside it recursive coordinate bisection and equal pieces of Hilbert's curve, as the program cuts it."""
 import ctypes
 import time
 
@@ -65,13 +65,11 @@ def by_bisection(side, parts):
 
 
 def along_curve(side, parts):
-    """Equal pieces of the Morton curve through the blocks: what every rank can work out for itself from a prefix sum."""
-    bits = int(side - 1).bit_length()
-    axis = np.arange(side)
-    spread = sum(((axis >> bit) & 1) << (3 * bit) for bit in range(bits))
-    keys = (spread[:, None, None] << 2 | spread[None, :, None] << 1 | spread[None, None, :]).ravel()
+    """Equal pieces of Hilbert's curve through the blocks: what the ranks work out together from a running sum."""
+    blocks = np.stack(np.unravel_index(np.arange(side ** 3), (side,) * 3), axis=1)
     part = np.empty(side ** 3, np.int32)
-    part[np.argsort(keys)] = np.arange(side ** 3) * parts // side ** 3
+    part[np.argsort(halo_count.curve_places(blocks, halo_count.curve_levels((side,))))] = (
+        (2 * np.arange(side ** 3) + 1) * parts // (2 * side ** 3))
     return part
 
 

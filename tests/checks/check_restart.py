@@ -28,6 +28,7 @@ AT_ONCE = 2  # runs
 STEPS = 200
 TOLERANCE = 1e-10
 RANKS = (1, 2, 3, 4, 8)
+CURVE_RANKS = {"2_curve": 2, "3_curve": 3, "8_curve": 8}
 SPEED = 0.2  # [m/s] of either body
 
 # Two bodies that meet off centre, deform, turn and part within STEPS steps.
@@ -73,6 +74,12 @@ IMPACTS = {
                      right=[0.66, 0.53, 0.52], particles_per_cell=8, velocity=[SPEED, 0, 0],
                      opposite=[-SPEED, 0, 0]),
 }
+
+
+def partitioned_by(name, scene):
+    return scene.replace("[parallel]\n", f"[parallel]\npartitioner = \"{name}\"\n")
+
+
 # A notched plate torn until the notch grows; rows and checkpoints fall on different steps.
 CRACK = """\
 dimension = 2
@@ -260,7 +267,7 @@ def owners_changed(folder):
     tables = []
     for path in paths:
         with h5py.File(path) as file:
-            tables.append(file["owners"][()].tolist())
+            tables.append(file["owners"][()].tolist() + file["curve_cuts"][()].tolist())
     return tables[0] != tables[-1]
 
 
@@ -274,7 +281,7 @@ def check_contact(dimension, folder):
 
 def check_rebalancing(dimension, runs):
     acted = {}
-    for ranks in RANKS[1:]:
+    for ranks in [*RANKS[1:], *CURVE_RANKS]:
         report = mpm.report(runs[f"impact{dimension}_n{ranks}"])
         acted[ranks] = report.get("rebalances", owners_changed(runs[f"impact{dimension}_n{ranks}"]))
     if all(value is None for value in acted.values()):
@@ -294,7 +301,7 @@ def check_impact(dimension, runs):
     same, found = frames_are_same(name(3), runs[f"impact{dimension}_again"])
     expect(f"{what}, twice on 3 ranks, frames", found, "the same bytes", same)
     scales = impact_scales(name(1))
-    for ranks in RANKS[1:]:
+    for ranks in [*RANKS[1:], *CURVE_RANKS]:
         expect_close(f"{what} on {ranks} ranks and on 1", name(1), name(ranks), scales)
         expect_same_places(f"{what} on {ranks} ranks and on 1", name(1), name(ranks))
     step, _ = runs.first_checkpoint(f"impact{dimension}_n2")
@@ -302,6 +309,11 @@ def check_impact(dimension, runs):
     expect_same_bits(f"{what}, restart 2 -> 2 ranks", name(2), runs[f"impact{dimension}_2to2"], step)
     expect_close(f"{what}, restart 2 -> 3 ranks", name(2), runs[f"impact{dimension}_2to3"], scales)
     expect_same_places(f"{what}, restart 2 -> 3 ranks", name(2), runs[f"impact{dimension}_2to3"])
+    step, _ = runs.first_checkpoint(f"impact{dimension}_n3_curve")
+    expect_same_bits(f"{what}, restart 3 -> 3 ranks on the curve", name("3_curve"), runs[f"impact{dimension}_curve_3to3"], step)
+    for target in ("curve_3to2", "metis_3to3"):
+        expect_close(f"{what}, restart from the curve, {target}", name("3_curve"), runs[f"impact{dimension}_{target}"], scales)
+        expect_same_places(f"{what}, restart from the curve, {target}", name("3_curve"), runs[f"impact{dimension}_{target}"])
     expect_close(f"{what}, restart 4 -> 1 ranks", name(4), runs[f"impact{dimension}_4to1"], scales)
     expect_same_places(f"{what}, restart 4 -> 1 ranks", name(4), runs[f"impact{dimension}_4to1"])
 
@@ -329,6 +341,7 @@ def main():
         for dimension, scene in IMPACTS.items():
             wanted[f"impact{dimension}_again"] = (scene, 3, steps)
             wanted.update({f"impact{dimension}_n{ranks}": (scene, ranks, steps) for ranks in RANKS})
+            wanted.update({f"impact{dimension}_n{name}": (partitioned_by("curve", scene), ranks, steps) for name, ranks in CURVE_RANKS.items()})
         runs.make(wanted)
         step, checkpoint = runs.first_checkpoint("crack")
         wanted = {"crack_restarted": (CRACK, 2, ("--restart", checkpoint))}
@@ -337,6 +350,11 @@ def main():
                 step, checkpoint = runs.first_checkpoint(f"impact{dimension}_n{source}")
                 wanted[f"impact{dimension}_{source}to{target}"] = (
                     scene, target, ("--restart", checkpoint, "--steps", STEPS - step))
+            step, checkpoint = runs.first_checkpoint(f"impact{dimension}_n3_curve")
+            further = ("--restart", checkpoint, "--steps", STEPS - step)
+            wanted.update({f"impact{dimension}_curve_3to3": (partitioned_by("curve", scene), 3, further),
+                           f"impact{dimension}_curve_3to2": (partitioned_by("curve", scene), 2, further),
+                           f"impact{dimension}_metis_3to3": (partitioned_by("metis", scene), 3, further)})
         runs.make(wanted)
         for dimension in IMPACTS:
             check_impact(dimension, runs)

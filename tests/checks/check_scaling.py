@@ -103,12 +103,12 @@ def check_refusals(folder, finished):
 
 
 def check_counts():
-    for phase, ranks in ((False, 1), (False, 3), (True, 2)):
-        block = Block((16, 12, 12), phase, True, 6, True, cracked=phase)
+    for phase, ranks, partitioner in ((False, 1, "auto"), (False, 3, "auto"), (False, 3, "curve"), (True, 2, "auto")):
+        block = Block((16, 12, 12), phase, True, 6, True, cracked=phase, partitioner=partitioner)
         row = measure.counted_and_predicted(mpm.BINARIES / "mpm_hpc", block, ranks, LAUNCHER)
         for what in ("messages", "bytes"):
             counted, predicted = row[f"counted_{what}"], row[f"predicted_{what}"]
-            print(f"{'phase field' if phase else 'elastic'}, {ranks} ranks: {counted} {what} per step counted, "
+            print(f"{'phase field' if phase else 'elastic'}, {ranks} ranks, {partitioner}: {counted} {what} per step counted, "
                   f"{predicted} predicted")
             expect(abs(counted - predicted) < 1e-6 and (counted > 0) == (ranks > 1), f"{what} on {ranks} ranks are exact")
         expect(not phase or row["iterations"] > 0, "the phase solve iterates, so that its traffic counts")
