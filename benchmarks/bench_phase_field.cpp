@@ -64,7 +64,7 @@ void bench_phase_field(benchmark::State& bench, const Communicator& communicator
   ElasticBlock<Dim> production(communicator, c);
   BlockCase plain = c;
   plain.phase = Phase::none;
-  plain.half_broken = false;
+  plain.damage = Damage::intact;
   ElasticBlock<Dim> elastic(communicator, plain);
   State<Dim>& state = production.state();
 
@@ -127,14 +127,14 @@ void register_cases(const Communicator& communicator, const BenchOptions& option
     for (const bool single : {false, true})
       for (const Phase phase : {Phase::mobility, Phase::rate_independent})
         for (const char* form : {"matrix_free", "stencil", "assembled"})
-          for (const bool half_broken : {false, true}) {
+          for (const Damage damage : {Damage::intact, Damage::cracked, Damage::half_broken}) {
             // The plain solve of many particles takes long: there only what the program chooses itself.
             const bool many = size.cells > (size.dimension == 3 ? 20 : 128);
             const bool chosen = std::string_view(form) == "stencil";
             if (!options.large && (single || (many && !chosen))) continue;
-            const BlockCase c{single, PlainLaw::split_neo_hookean, phase, size.cells, form, half_broken};
+            const BlockCase c{single, PlainLaw::split_neo_hookean, phase, size.cells, form, damage};
             add_case(
-                fmt::format("{}/{}/{}/{}/{}", name_of(phase), form, half_broken ? "half_broken" : "intact",
+                fmt::format("{}/{}/{}/{}/{}", name_of(phase), form, name_of(damage),
                             single ? "single" : "double", size.name),
                 [&communicator, c, size, many, chosen](benchmark::State& bench) {
                   with_dimension(size.dimension, [&](auto dim) {

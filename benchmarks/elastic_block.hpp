@@ -19,6 +19,9 @@
 namespace mpm {
 
 enum class Phase { none, mobility, rate_independent };
+// What is broken of a block with a phase field: nothing; a flat crack of two rows of particles half-way through the block, as
+// in a plate that tears; or the lower half of its volume, driven a thousand times past breaking.
+enum class Damage { intact, cracked, half_broken };
 
 struct BlockCase {
   bool single = false;
@@ -26,7 +29,7 @@ struct BlockCase {
   Phase phase = Phase::none;
   int cells = 20;  // per direction
   const char* phase_operator = "auto";
-  bool half_broken = false;  // with a phase field: c = 0 in the lower half of the block
+  Damage damage = Damage::intact;  // with a phase field
   TransferOptions transfer = {};
   // So soft that it flies as if free, but in the same steps.
   bool slack = false;
@@ -48,6 +51,15 @@ inline const char* name_of(Phase phase) {
     case Phase::none: return "elastic";
     case Phase::mobility: return "phase_mobility";
     case Phase::rate_independent: return "phase_rate_independent";
+  }
+  return "";
+}
+
+inline const char* name_of(Damage damage) {
+  switch (damage) {
+    case Damage::intact: return "intact";
+    case Damage::cracked: return "cracked";
+    case Damage::half_broken: return "half_broken";
   }
   return "";
 }
@@ -130,10 +142,13 @@ std::string scene_text(const BlockCase& c) {
         "[effect.phase_field]\nlength_scale = {}\nresidual = {}\ncorrected_toughness = false\noperator = \"{}\"\n", law.length,
         law.residual, c.phase_operator);
   if (c.phase == Phase::mobility) text += fmt::format("mobility = {}\n", 1 / law.inverse_mobility);
-  if (c.half_broken)
+  if (c.damage != Damage::intact) {
+    const Real middle = (lower + upper) / 2, below = lower - spacing, above = upper + spacing;
+    const bool crack = c.damage == Damage::cracked;
     text += fmt::format("[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = {}, upper = {}}}\n",
-                        in_each_direction<Dim>(lower - spacing),
-                        in_each_direction<Dim>((lower + upper) / 2, upper + spacing, upper + spacing));
+                        in_each_direction<Dim>(below, crack ? middle - spacing / 2 : below, below),
+                        in_each_direction<Dim>(middle, crack ? middle + spacing / 2 : above, above));
+  }
   return text;
 }
 
