@@ -16,14 +16,14 @@ constexpr int batch_particles = 1024;
 
 }  // namespace
 
-template <class Kernel, int Values, int Dim, class T>
+template <class Kernel, int Values, int Dim, class T, class E>
 void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
-                                ValueSource<T>& source, T* nodes, T* diagonal, T* stencil, std::vector<char>& touched) {
+                                ValueSource<T>& source, T* nodes, T* diagonal, E* stencil, std::vector<char>& touched) {
   using NodeTile = Tile<Kernel, Dim, T, Values>;
   constexpr int W = pack_width<T>;
   NodeTile tile;
-  StencilTile<Kernel, Dim, T> stencil_tile;
-  PairSums<Kernel, Dim, T, Values> sums;
+  StencilTile<Kernel, Dim, E> stencil_tile;
+  PairSums<Kernel, Dim, T, Values, E> sums;
   CellOrder<NodeTile::cells> cells;
   // Where the particles are, their coefficients and values, as they come and in the order of their cells.
   constexpr int coefficients = Dim + 2, used = coefficients + Values;
@@ -91,18 +91,18 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
   }
 }
 
-#define MPM_INSTANTIATE(Dim, T, Values)                                                                                 \
-  template void scatter_values_and_stencil<QuadraticKernel, Values, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,   \
-                                                                            const std::vector<int>&, ValueSource<T>&,   \
-                                                                            T*, T*, T*, std::vector<char>&);
-MPM_INSTANTIATE(2, float, 1)
-MPM_INSTANTIATE(2, float, node_values)
-MPM_INSTANTIATE(2, double, 1)
-MPM_INSTANTIATE(2, double, node_values)
-MPM_INSTANTIATE(3, float, 1)
-MPM_INSTANTIATE(3, float, node_values)
-MPM_INSTANTIATE(3, double, 1)
-MPM_INSTANTIATE(3, double, node_values)
+#define MPM_INSTANTIATE(Dim, T, E)                                                                                          \
+  template void scatter_values_and_stencil<QuadraticKernel, 1, Dim, T, E>(const ScalarGrid<Dim>&, const Body<Dim>&,         \
+                                                                          const std::vector<int>&, ValueSource<T>&, T*, T*, \
+                                                                          E*, std::vector<char>&);                          \
+  template void scatter_values_and_stencil<QuadraticKernel, node_values, Dim, T, E>(                                        \
+      const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&, ValueSource<T>&, T*, T*, E*, std::vector<char>&);
+MPM_INSTANTIATE(2, float, float)
+MPM_INSTANTIATE(2, double, float)
+MPM_INSTANTIATE(2, double, double)
+MPM_INSTANTIATE(3, float, float)
+MPM_INSTANTIATE(3, double, float)
+MPM_INSTANTIATE(3, double, double)
 #undef MPM_INSTANTIATE
 
 }  // namespace mpm

@@ -26,12 +26,12 @@ struct ScalarLine {
 // A particle's entries are the outer product of factors over the pairs of nodes in each direction: with W = w_n w_m and
 // K = (w_n d_n)(w_m d_m) by direction, d_n the distance to node n in spacings,
 //   A = W_x (W_y I + K_y k W_z) + K_x W_y k W_z with I = a W_z + k K_z,  in 2D A = W_x I + K_x k W_z.
-// The factors are found for a pack of particles at a time and stay in L1 until their cells have come.
-template <class Kernel, int Dim, class T, int Values>
+// The factors are found for a pack of particles at a time and stay in L1 until their cells have come. Values are of type T,
+// entries of type E.
+template <class Kernel, int Dim, class T, int Values, class E>
 class PairSums {
  public:
-  using Pairs = PairLanes<Kernel, T>;
-  using V = typename Pairs::V;
+  using Pairs = PairLanes<Kernel, E>;
   using Line = std::conditional_t<Values == 1, ScalarLine<T>, Row<T>>;  // a row of nodes
   static constexpr int pairs = Pairs::pairs, last = Dim - 1;
 
@@ -42,21 +42,16 @@ class PairSums {
   }
 
   // Particles [begin, end) are those of the cell with this first node. Cells come in ascending order.
-  void add(int begin, int end, Tile<Kernel, Dim, T, Values>& values, StencilTile<Kernel, Dim, T>& stencil,
+  void add(int begin, int end, Tile<Kernel, Dim, T, Values>& values, StencilTile<Kernel, Dim, E>& stencil,
            int tile_node) {
-    constexpr int side = StencilTile<Kernel, Dim, T>::side;
+    constexpr int side = StencilTile<Kernel, Dim, E>::side;
     for (; begin < end; begin += group_particles) {
       const int group_end = std::min(end, begin + group_particles);
       for (; ready_ < group_end; ready_ += W) find_factors();
       add_values(begin, group_end, values.data + tile_node * Values);
       const int z = tile_node % side, row = tile_node / side;
-#ifdef __AVX512F__
-      constexpr int at_once = Dim == 2 || pairs % 2 != 0 ? 1 : 2;  // 18 sums of 8 lanes fit the 32 registers
-#else
-      constexpr int at_once = 1;
-#endif
-      for (int p = 0; p < (Dim == 2 ? 1 : pairs); p += at_once)
-        add_stencil<at_once>(p, begin, group_end, stencil, row, z);
+      for (int p = 0; p < (Dim == 2 ? 1 : pairs); p += lines * at_once)
+        for (int part = 0; part < parts; ++part) add_stencil(p, part, begin, group_end, stencil, row, z);
     }
   }
 
@@ -64,9 +59,17 @@ class PairSums {
   static constexpr int W = pack_width<T>;
   static constexpr int kept = 64;                       // particles whose factors are known
   static constexpr int group_particles = kept - 2 * W;  // whatever its place, a group is known as a whole
+  // A register holds the line of a pair of the first two directions, two such lines, or part of one.
+  static constexpr int width = Pairs::width;
+  static constexpr int lanes = std::min<int>(widest_register / sizeof(E), Dim == 3 && pairs % 2 == 0 ? 2 * width : width);
+  static constexpr int lines = std::max(1, lanes / width), parts = std::max(1, width / lanes);
+  using V __attribute__((vector_size(lanes * sizeof(E)))) = E;
+  using Half __attribute__((vector_size(lanes * sizeof(E) / 2))) = E;
   // The slopes w_n d_n sum up to 0. So in the first direction K is summed for the pairs without node 1 only, and the sums of
   // the others follow once per cell.
   static constexpr int free_pairs = (Kernel::support - 1) * Kernel::support / 2;
+  // Registers of lines that are summed at once, so that the sums fit the registers that there are.
+  static constexpr int at_once = Dim == 2 || pairs % (2 * lines) != 0 || 2 * (pairs + free_pairs) > registers ? 1 : 2;
   static constexpr bool is_free(int pair) {
     return Pairs::node(pair) != 1 && Pairs::node(pair) + Pairs::offset(pair) != 1;
   }
@@ -77,57 +80,59 @@ class PairSums {
     return count;
   }
   struct alignas(64) Factors {
-    T w[last][pairs][W], k[last][pairs][W], weight[last][Kernel::support][W];  // of k[0] the first free_pairs
+    E w[last][pairs][W], k[last][pairs][W];  // of k[0] the first free_pairs
+    alignas(64) T weight[last][Kernel::support][W];
   };
   static int lane(int i) { return i % W; }
   const Factors& factors(int i) const { return factors_[i % kept / W]; }
 
   void find_factors() {
     using S = Pack<T>;
+    using P = Eigen::Array<E, W, 1>;
     constexpr int support = Kernel::support;
     Factors& f = factors_[ready_ % kept / W];
-    S w[support], g[support], centre;
-    const auto weights = [&](int a) {
-      centre = load<S>(particles_.centre[a] + ready_);
-      Kernel::weights(S(static_cast<T>(1) - centre), w);
-      for (int n = 0; n < support; ++n) g[n] = w[n] * (centre + static_cast<T>(n - 1));
+    S weights[support];
+    P w[support], g[support];
+    const auto find = [&](int a) {
+      Kernel::weights(S(static_cast<T>(1) - load<S>(particles_.centre[a] + ready_)), weights);
+      const P centre = load<P>(particles_.centre[a] + ready_);
+      Kernel::weights(P(static_cast<E>(1) - centre), w);
+      for (int n = 0; n < support; ++n) g[n] = w[n] * (centre + static_cast<E>(n - 1));
     };
+    const auto keep = [](E* to, const P& factor) { std::memcpy(to, factor.data(), W * sizeof(E)); };
     for (int a = 0; a < last; ++a) {
-      weights(a);
-      for (int n = 0; n < support; ++n) store(f.weight[a][n], w[n]);
+      find(a);
+      for (int n = 0; n < support; ++n) store(f.weight[a][n], weights[n]);
       unrolled<pairs>([&](auto k) {
         constexpr int n = Pairs::node(k), m = n + Pairs::offset(k);
-        store(f.w[a][k], S(w[n] * w[m]));
+        keep(f.w[a][k], w[n] * w[m]);
         if (a > 0) {
-          store(f.k[a][k], S(g[n] * g[m]));
+          keep(f.k[a][k], g[n] * g[m]);
         } else if constexpr (is_free(k)) {
-          store(f.k[0][free_before(k)], S(g[n] * g[m]));
+          keep(f.k[0][free_before(k)], g[n] * g[m]);
         }
       });
     }
-    weights(last);
-    alignas(64) T inner[2][Pairs::width][W] = {};
-    const S conductivity = load<S>(particles_.conductivity + ready_),
-            reaction = load<S>(particles_.reaction + ready_);
+    find(last);
+    alignas(64) E inner[2][width][W] = {};
+    const P conductivity = load<P>(particles_.conductivity + ready_), reaction = load<P>(particles_.reaction + ready_);
     unrolled<pairs>([&](auto k) {
       constexpr int n = Pairs::node(k), m = n + Pairs::offset(k);
-      const S product = w[n] * w[m];
-      store(inner[0][Pairs::lane(k)], S(reaction * product + conductivity * (g[n] * g[m])));
-      store(inner[1][Pairs::lane(k)], S(conductivity * product));
+      const P product = w[n] * w[m];
+      keep(inner[0][Pairs::lane(k)], reaction * product + conductivity * (g[n] * g[m]));
+      keep(inner[1][Pairs::lane(k)], conductivity * product);
     });
-    constexpr int stride = 2 * Pairs::width;
-    T* out = reinterpret_cast<T*>(inner_[ready_ % kept]);
     for (int i = 0; i < 2; ++i)
-      for (int l = 0; l < Pairs::width; l += 4)
-        packs_to_quads<T, W>(inner[i][l], inner[i][l + 1], inner[i][l + 2], inner[i][l + 3],
-                             out + i * Pairs::width + l, stride);
+      for (int l = 0; l < width; l += 4)
+        packs_to_quads<E, W>(inner[i][l], inner[i][l + 1], inner[i][l + 2], inner[i][l + 3],
+                             inner_[ready_ % kept][i] + l, 2 * width);
     alignas(64) T weight[4][W] = {};
     if constexpr (Values == 1) {
-      for (int n = 0; n < support; ++n) store(weight[n], S(load<S>(particles_.q[0] + ready_) * w[n]));
+      for (int n = 0; n < support; ++n) store(weight[n], S(load<S>(particles_.q[0] + ready_) * weights[n]));
       packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3],
                            reinterpret_cast<T*>(row_ + ready_ % kept), 4);
     } else {
-      for (int n = 0; n < support; ++n) store(weight[n], w[n]);
+      for (int n = 0; n < support; ++n) store(weight[n], weights[n]);
       alignas(64) T along[W][4], q[W][4];
       packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], along[0], 4);
       packs_to_quads<T, W>(particles_.q[0] + ready_, particles_.q[1] + ready_, particles_.q[2] + ready_,
@@ -170,25 +175,67 @@ class PairSums {
     }
   }
 
-  // In 3D for the pairs [first, first + Count) of the second direction, each with all pairs of the first.
-  template <int Count>
-  void add_stencil(int first, int begin, int end, StencilTile<Kernel, Dim, T>& stencil, int row, int z) {
-    constexpr int side = StencilTile<Kernel, Dim, T>::side, support = Kernel::support;
-    V sum[Count * pairs], slope_sum[Count * free_pairs];
+  // The particle's line, in all lines of the register, or the part of it.
+  static V line_of(const E* line, int part) {
+    V v;
+    if constexpr (lines == 2) {
+      Half half;
+      std::memcpy(&half, line, sizeof(half));
+      v = join(half, half);
+    } else {
+      std::memcpy(&v, line + part * lanes, sizeof(v));
+    }
+    return v;
+  }
+  static V join(Half a, Half b) {
+    return [&]<int... L>(std::integer_sequence<int, L...>) {
+      return __builtin_shufflevector(a, b, L...);
+    }(std::make_integer_sequence<int, lanes>());
+  }
+  // A particle's factor of pair y of the second direction (and of the next one) in all lanes of its line.
+  static V factor_of(const E (*of_pairs)[W], int y, int l) {
+    if constexpr (lines == 2) {
+      return join(Half{} + of_pairs[y][l], Half{} + of_pairs[y + 1][l]);
+    } else {
+      return V{} + of_pairs[y][l];
+    }
+  }
+  // Adds line n of the register, or the part that it holds.
+  static void add_to(E* line, const V& sum, int n) {
+    const auto add = [line](auto what) {
+      auto old = what;
+      std::memcpy(&old, line, sizeof(old));
+      old += what;
+      std::memcpy(line, &old, sizeof(old));
+    };
+    if constexpr (lines == 2) {
+      Half half;
+      std::memcpy(&half, reinterpret_cast<const E*>(&sum) + n * width, sizeof(half));
+      add(half);
+    } else {
+      add(sum);
+    }
+  }
+
+  // In 3D for the pairs from `first` of the second direction, each with all pairs of the first.
+  void add_stencil(int first, int part, int begin, int end, StencilTile<Kernel, Dim, E>& stencil, int row, int z) {
+    constexpr int side = StencilTile<Kernel, Dim, E>::side, support = Kernel::support;
+    V sum[at_once * pairs], slope_sum[at_once * free_pairs];
 #pragma GCC unroll 40
-    for (int n = 0; n < Count * pairs; ++n) sum[n] = V{};
+    for (int n = 0; n < at_once * pairs; ++n) sum[n] = V{};
 #pragma GCC unroll 40
-    for (int n = 0; n < Count * free_pairs; ++n) slope_sum[n] = V{};
+    for (int n = 0; n < at_once * free_pairs; ++n) slope_sum[n] = V{};
     for (int i = begin; i < end; ++i) {
       const Factors& f = factors(i);
       const int l = lane(i);
-      const V inner = inner_[i % kept][0], conductive = inner_[i % kept][1];
+      const V inner = line_of(inner_[i % kept][0], part), conductive = line_of(inner_[i % kept][1], part);
 #pragma GCC unroll 4
-      for (int c = 0; c < Count; ++c) {
+      for (int c = 0; c < at_once; ++c) {
         V a = inner, b = conductive;
         if constexpr (Dim == 3) {
-          a = f.w[1][first + c][l] * inner + f.k[1][first + c][l] * conductive;
-          b = f.w[1][first + c][l] * conductive;
+          const V w = factor_of(f.w[1], first + c * lines, l);
+          a = w * inner + factor_of(f.k[1], first + c * lines, l) * conductive;
+          b = w * conductive;
         }
 #pragma GCC unroll 10
         for (int k = 0; k < pairs; ++k) sum[c * pairs + k] += f.w[0][k][l] * a;
@@ -197,18 +244,17 @@ class PairSums {
       }
     }
 #pragma GCC unroll 4
-    for (int c = 0; c < Count; ++c) {
-      const int y = first + c;
+    for (int c = 0; c < at_once; ++c) {
       add_slopes(slope_sum + c * free_pairs, sum + c * pairs);
+#pragma GCC unroll 2
+      for (int n = 0; n < lines; ++n) {
+        const int y = first + c * lines + n;
 #pragma GCC unroll 10
-      for (int k = 0; k < pairs; ++k) {
-        T* line = Dim == 2 ? stencil.at(row + Pairs::node(k), Pairs::offset(k), z)
-                           : stencil.at(row + Pairs::node(k) * side + Pairs::node(y),
-                                        Pairs::offset(k) * support + Pairs::offset(y), z);
-        V old;
-        std::memcpy(&old, line, sizeof(old));
-        old += sum[c * pairs + k];
-        std::memcpy(line, &old, sizeof(old));
+        for (int k = 0; k < pairs; ++k)
+          add_to(part * lanes + (Dim == 2 ? stencil.at(row + Pairs::node(k), Pairs::offset(k), z)
+                                          : stencil.at(row + Pairs::node(k) * side + Pairs::node(y),
+                                                       Pairs::offset(k) * support + Pairs::offset(y), z)),
+                 sum[c * pairs + k], n);
       }
     }
   }
@@ -235,7 +281,7 @@ class PairSums {
   CellParticles<T, Values> particles_;
   int ready_ = 0;  // particles whose factors have been found
   Factors factors_[kept / W];
-  V inner_[kept][2];
+  alignas(64) E inner_[kept][2][width];
   Line row_[kept];
 };
 

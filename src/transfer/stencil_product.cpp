@@ -13,7 +13,7 @@ namespace {
 // The nodes of a block and those that its boxes reach. For each shift by (p, s) in the last two directions there is a copy of
 // the block's sheets of 4 x 4 nodes, so that all that one register of entries is multiplied by and added to is a register too,
 // and the sums of a sheet stay in registers until its entries have passed.
-template <class Kernel, int Dim, class T>
+template <class Kernel, int Dim, class T, class E>
 class ProductTile {
  public:
   using Stencil = OperatorStencil<Kernel, Dim>;
@@ -23,15 +23,15 @@ class ProductTile {
   static constexpr int sheet_nodes = block_side * block_side;
 
   // `next` is the block that comes after this one, whose entries are asked for meanwhile.
-  void apply(const BlockTopology<Dim>& topology, Slot slot, Slot next, const T* stencil, const T* x, T* y) {
+  void apply(const BlockTopology<Dim>& topology, Slot slot, Slot next, const E* stencil, const T* x, T* y) {
     const Places places(topology, slot);
     for (int h = 0; h < sheets; ++h)
       for (int r = 0; r < side; ++r)
         gather(h, r, load_quad(x + places.node(h, r, 0)), load_quad(x + places.node(h, r, 1)),
                std::make_integer_sequence<int, offsets>());
     std::memset(y_, 0, sizeof(y_));
-    const T* entries = stencil + static_cast<std::size_t>(slot) * Stencil::block_values;
-    const T* later = stencil + static_cast<std::size_t>(next) * Stencil::block_values;
+    const E* entries = stencil + static_cast<std::size_t>(slot) * Stencil::block_values;
+    const E* later = stencil + static_cast<std::size_t>(next) * Stencil::block_values;
     for (int h = 0; h < block_sheets; ++h)
       for (int n = 0; n < sheet_nodes; n += lanes) {
         const int first = h * sheet_nodes + n, ahead = first + Stencil::nodes / 2;
@@ -52,6 +52,7 @@ class ProductTile {
 #endif
   static_assert(sheet_nodes % lanes == 0);
   using V __attribute__((vector_size(lanes * sizeof(T)))) = T;
+  using EntryLanes __attribute__((vector_size(lanes * sizeof(E)))) = E;
 
   // First nodes of the tile's rows. Where there is no block behind there are no entries either: any node will do, since it is
   // multiplied by 0 and gets 0.
@@ -101,12 +102,18 @@ class ProductTile {
     return v;
   }
 
+  static V load_entries(const E* p) {
+    EntryLanes entries;
+    std::memcpy(&entries, p, sizeof(entries));
+    return __builtin_convertvector(entries, V);
+  }
+
   // All boxes from some nodes of sheet h. A box joins each of its corners with the opposite one.
-  void multiply(const T* entries, const T* later, int h, int n) {
+  void multiply(const E* entries, const E* later, int h, int n) {
     V own[offsets * offsets];  // sums of sheet h, by shift
     load_sums(own, h, n);
     unrolled<offsets * offsets>([&](auto shift) {
-      const V a = load(entries + shift * Stencil::nodes);
+      const V a = load_entries(entries + shift * Stencil::nodes);
       __builtin_prefetch(later + shift * Stencil::nodes);
       for_each_corner<shift>([&](auto corner, auto opposite) { own[corner] += a * load_x(h, opposite, n); });
     });
@@ -116,7 +123,7 @@ class ProductTile {
         V other[offsets * offsets];  // of sheet h + o
         load_sums(other, h + o, n);
         unrolled<offsets * offsets>([&](auto shift) {
-          const V a = load(entries + plane + shift * Stencil::nodes);
+          const V a = load_entries(entries + plane + shift * Stencil::nodes);
           __builtin_prefetch(later + plane + shift * Stencil::nodes);
           for_each_corner<shift>([&](auto corner, auto opposite) {
             own[corner] += a * load_x(h + o, opposite, n);
@@ -151,21 +158,23 @@ class ProductTile {
 
 }  // namespace
 
-template <class Kernel, int Dim, class T>
-void apply_stencil(const BlockTopology<Dim>& topology, const std::vector<Slot>& blocks, const T* stencil,
+template <class Kernel, int Dim, class T, class E>
+void apply_stencil(const BlockTopology<Dim>& topology, const std::vector<Slot>& blocks, const E* stencil,
                    const T* x, T* y) {
-  ProductTile<Kernel, Dim, T> tile;
+  ProductTile<Kernel, Dim, T, E> tile;
   for (std::size_t b = 0; b < blocks.size(); ++b)
     tile.apply(topology, blocks[b], blocks[std::min(b + 1, blocks.size() - 1)], stencil, x, y);
 }
 
-#define MPM_INSTANTIATE(Dim, T)                                                                             \
-  template void apply_stencil<QuadraticKernel, Dim, T>(const BlockTopology<Dim>&, const std::vector<Slot>&, \
-                                                       const T*, const T*, T*);
-MPM_INSTANTIATE(2, float)
-MPM_INSTANTIATE(2, double)
-MPM_INSTANTIATE(3, float)
-MPM_INSTANTIATE(3, double)
+#define MPM_INSTANTIATE(Dim, T, E)                                                                             \
+  template void apply_stencil<QuadraticKernel, Dim, T, E>(const BlockTopology<Dim>&, const std::vector<Slot>&, \
+                                                          const E*, const T*, T*);
+MPM_INSTANTIATE(2, float, float)
+MPM_INSTANTIATE(2, double, float)
+MPM_INSTANTIATE(2, double, double)
+MPM_INSTANTIATE(3, float, float)
+MPM_INSTANTIATE(3, double, float)
+MPM_INSTANTIATE(3, double, double)
 #undef MPM_INSTANTIATE
 
 }  // namespace mpm

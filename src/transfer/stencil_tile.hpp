@@ -10,6 +10,13 @@
 
 namespace mpm {
 
+// Bytes and number of the widest vector registers.
+#ifdef __AVX512F__
+inline constexpr int widest_register = 64, registers = 32;
+#else
+inline constexpr int widest_register = 32, registers = 16;
+#endif
+
 // Lane n * support + o of a register belongs to the pair of nodes n and n + o of one direction. That is also their place
 // in a line of the tile, whose nodes have `support` offsets each: a cell's sums are added to a line at once.
 template <class Kernel, class T>
@@ -17,7 +24,6 @@ struct PairLanes {
   static constexpr int support = Kernel::support;
   static constexpr int pairs = support * (support + 1) / 2;
   static constexpr int width = support == 4 ? 16 : support == 3 ? 8 : 4;
-  using V __attribute__((vector_size(width * sizeof(T)))) = T;
 
   static constexpr bool is_pair(int lane) {
     return lane < support * support && lane / support + lane % support < support;
@@ -33,7 +39,7 @@ struct PairLanes {
   static constexpr int offset(int k) { return lane(k) % support; }
 };
 
-// The stencil's tile: by plane of offsets and row of nodes a line along the last direction.
+// The stencil's tile, of entries of type T: by plane of offsets and row of nodes a line along the last direction.
 template <class Kernel, int Dim, class T>
 class StencilTile {
  public:
@@ -59,7 +65,8 @@ class StencilTile {
   }
 
   // Moves the sums to the grid.
-  void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* stencil, T* diagonal,
+  template <class U>
+  void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* stencil, U* diagonal,
                    std::vector<char>& touched) {
     find_rows(topology, slot, stencil, touched);
     for (int plane = 0; plane < Stencil::planes; ++plane) {
@@ -115,8 +122,8 @@ class StencilTile {
     return part == 0 ? 0 : part == 1 ? 1 : part == 2 ? 1 + block_side : side;
   }
 
-  template <int Part>
-  void add_part(const UsedRow& r, int plane, T* stencil, T* diagonal) {
+  template <int Part, class U>
+  void add_part(const UsedRow& r, int plane, T* stencil, U* diagonal) {
     if (r.block[Part] == no_slot) return;
     T* out = stencil + r.block[Part] * Stencil::block_values + r.node;
     add_line<Part>(at(r.row, plane, first_of(Part)), out,
@@ -125,28 +132,30 @@ class StencilTile {
     for (int o = 0; o < Stencil::offsets; ++o)
       __builtin_prefetch(out + (Stencil::offsets + o) * Stencil::nodes, 1);
     if (plane != 0) return;
-    T* d = diagonal + r.block[Part] * Stencil::nodes + r.node;
+    U* d = diagonal + r.block[Part] * Stencil::nodes + r.node;
     for (int n = first_of(Part); n < first_of(Part + 1); ++n)
       d[(n - 1) & (block_side - 1)] += *at(r.row, 0, n);
   }
   // For each offset o, the line's entries for the block's four nodes; those outside of the part are 0.
   template <int Part, int... O>
   static void add_line(const T* in, T* out, std::integer_sequence<int, O...>) {
-    using V = typename PairLanes<Kernel, T>::V;
-    V a, b;
-    std::memcpy(&a, in, sizeof(a));
-    if constexpr (Part == 1) {
-      std::memcpy(&b, in + PairLanes<Kernel, T>::width, sizeof(b));
-    } else {
-      b = V{};
-    }
+    constexpr int N = Stencil::offsets, width = PairLanes<Kernel, T>::width;
     auto add = [](T* to, const Quad<T>& what) {
       const Quad<T> sum = load_quad(to) + what;
       std::memcpy(to, &sum, sizeof(sum));
     };
-    // The first register holds all entries of the nodes behind the block.
-    constexpr int N = Stencil::offsets, none = PairLanes<Kernel, T>::width;
+    // The first `width` numbers hold all entries of the nodes behind the block.
+#ifdef __AVX512F__
+    using V __attribute__((vector_size(width * sizeof(T)))) = T;
+    constexpr int none = width;
     constexpr auto behind = [](int entry) { return entry < none ? entry : none; };
+    V a, b;
+    std::memcpy(&a, in, sizeof(a));
+    if constexpr (Part == 1) {
+      std::memcpy(&b, in + width, sizeof(b));
+    } else {
+      b = V{};
+    }
     if constexpr (Part == 0) {
       (add(out + O * Stencil::nodes, __builtin_shufflevector(a, b, none, none, none, O)), ...);
     } else if constexpr (Part == 1) {
@@ -156,6 +165,15 @@ class StencilTile {
            __builtin_shufflevector(a, b, O, N + O, behind(2 * N + O), behind(3 * N + O))),
        ...);
     }
+#else
+    // Number by number, as the compiler takes other shuffles apart anyway, and less well.
+    const auto behind = [in](int entry) { return Part == 1 || entry < width ? in[entry] : T(0); };
+    if constexpr (Part == 0) {
+      (add(out + O * Stencil::nodes, Quad<T>{0, 0, 0, in[O]}), ...);
+    } else {
+      (add(out + O * Stencil::nodes, Quad<T>{in[O], in[N + O], behind(2 * N + O), behind(3 * N + O)}), ...);
+    }
+#endif
   }
   void forget() {
     std::fill(lower_, lower_ + Dim, side);

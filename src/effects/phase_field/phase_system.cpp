@@ -18,8 +18,12 @@ constexpr GlobalIndex row_base = 1 << 20;
 }  // namespace
 
 template <int Dim>
-PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, const LinearSolverOptions& options)
-    : form_(form), sums_(sums), solver_(state.communicator(), options_prefix, options) {
+PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries entries,
+                              const LinearSolverOptions& options)
+    : form_(form),
+      sums_(sums),
+      single_entries_(entries == Entries::single || state.precision == Precision::single_precision),
+      solver_(state.communicator(), options_prefix, options) {
   GridFields& f = state.fields;
   values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = sums == Sums::all});
   if (sums == Sums::mass_only) mass_sum_ = f.add({.name = "phase_mass", .units = "1", .sums_ghosts = true});
@@ -45,7 +49,7 @@ template <int Dim>
 void PhaseSystem<Dim>::begin(const State<Dim>& state) {
   if (form_ == Form::particles) return;
   const std::size_t block = OperatorStencil<Kernel, Dim>::block_values *
-                            (state.precision == Precision::single_precision ? sizeof(float) : sizeof(double));
+                            (single_entries_ ? sizeof(float) : sizeof(double));
   const auto blocks = static_cast<std::size_t>(state.topology().size());
   entries_.allocate(blocks * block, 0);
   touched_.assign(blocks, 0);
@@ -59,14 +63,27 @@ void PhaseSystem<Dim>::scatter(State<Dim>& state, std::size_t body, const std::v
   const Body<Dim>& particles = state.bodies[body];
   T* values = state.fields.template data<T>(values_);
   T* diagonal = state.fields.template data<T>(diagonal_);
-  T* entries = static_cast<T*>(entries_.data());
   if (form_ == Form::particles) {
     scatter_values<Kernel>(grid, particles, ranges, source, values, diagonal);
-  } else if (sums_ == Sums::all) {
-    scatter_values_and_stencil<Kernel, node_values>(grid, particles, ranges, source, values, diagonal, entries, touched_);
+    return;
+  }
+  with_entries<T>([&](auto* entries) {
+    if (sums_ == Sums::all) {
+      scatter_values_and_stencil<Kernel, node_values>(grid, particles, ranges, source, values, diagonal, entries, touched_);
+    } else {
+      scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(mass_sum_),
+                                            diagonal, entries, touched_);
+    }
+  });
+}
+
+template <int Dim>
+template <class T, class F>
+void PhaseSystem<Dim>::with_entries(F&& f) {
+  if (single_entries_) {
+    f(static_cast<float*>(entries_.data()));
   } else {
-    scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(mass_sum_), diagonal,
-                                          entries, touched_);
+    f(static_cast<T*>(entries_.data()));
   }
 }
 
@@ -118,7 +135,9 @@ void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
       state.halo().start_fill(state.fields, {result_});
     }
     if (form_ == Form::stencil) {
-      apply_stencil<Kernel>(state.topology(), edge ? edge_ : inner_, static_cast<const T*>(entries_.data()), in, out);
+      with_entries<T>([&](const auto* entries) {
+        apply_stencil<Kernel>(state.topology(), edge ? edge_ : inner_, entries, in, out);
+      });
       continue;
     }
     const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
@@ -154,14 +173,15 @@ void PhaseSystem<Dim>::stencil_to_field(State<Dim>& state) {
   GridFields& fields = state.fields;
   fields.zero(stencil_);
   T* out = fields.template data<T>(stencil_);
-  const T* in = static_cast<const T*>(entries_.data());
-  for (Slot s = 0; s < state.topology().size(); ++s) {
-    if (!touched_[s]) continue;
-    for (int n = 0; n < nodes_per_block<Dim>; ++n) {
-      T* entries = out + (static_cast<std::size_t>(s) * nodes_per_block<Dim> + n) * Stencil::size;
-      for (int e = 0; e < Stencil::size; ++e) entries[e] = in[Stencil::index(s, n, Stencil::offset(e))];
+  with_entries<T>([&](const auto* in) {
+    for (Slot s = 0; s < state.topology().size(); ++s) {
+      if (!touched_[s]) continue;
+      for (int n = 0; n < nodes_per_block<Dim>; ++n) {
+        T* entries = out + (static_cast<std::size_t>(s) * nodes_per_block<Dim> + n) * Stencil::size;
+        for (int e = 0; e < Stencil::size; ++e) entries[e] = in[Stencil::index(s, n, Stencil::offset(e))];
+      }
     }
-  }
+  });
   state.halo().sum(fields, {stencil_});
 }
 

@@ -29,7 +29,9 @@ class PhaseSystem {
   // What the particles give to the nodes: all four of Value, or mass_term alone, if right_hand_side is the same and the
   // result is a value. Then values() is for project_phase() only.
   enum class Sums { all, mass_only };
-  PhaseSystem(State<Dim>& state, Form form, Sums sums, const LinearSolverOptions& options);
+  // Precision of the stencil's entries: the run's own, or single where this leaves an error well below the tolerance.
+  enum class Entries { as_run, single };
+  PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries entries, const LinearSolverOptions& options);
   // Rows and products are those of the active blocks.
   void set_parts(std::vector<Part> parts, const ActiveSet<Dim>* active) {
     parts_ = std::move(parts);
@@ -65,6 +67,9 @@ class PhaseSystem {
   GlobalIndex unknowns() const { return solver_.global_rows(); }  // of all ranks, last solve
 
  private:
+  // f(the stencil's entries), which are of type T or float.
+  template <class T, class F>
+  void with_entries(F&& f);
   template <class T>
   OperatorColumns<T> columns(const State<Dim>& state, const Part& part) const;
   template <class T>
@@ -83,6 +88,7 @@ class PhaseSystem {
 
   Form form_;
   Sums sums_;
+  bool single_entries_;
   LinearSolver solver_;
   std::vector<Part> parts_;
   const ActiveSet<Dim>* active_ = nullptr;
