@@ -74,7 +74,7 @@ void bench_phase_field(benchmark::State& bench, const Communicator& communicator
   const Elasticity elasticity;
   ReferencePhase<QuadraticKernel, Dim> reference(communicator, state.geometry(), phase_particles(state),
                                                  {elasticity.mu, elasticity.lambda, c.law},
-                                                 phase_law(c.phase));
+                                                 phase_law(c.phase, c.at_rest));
   production.steps(1);
   const Real dt = state.dt;
   int reference_iterations = reference.solve(dt);
@@ -122,19 +122,29 @@ void bench_phase_field(benchmark::State& bench, const Communicator& communicator
   }
 }
 
+constexpr struct {
+  const char* name;
+  Damage damage;
+  bool at_rest;
+} states[] = {{"intact", Damage::intact, false},
+              {"cracked", Damage::cracked, true},
+              {"cracked_flying", Damage::cracked, false},
+              {"half_broken", Damage::half_broken, false}};
+
 void register_cases(const Communicator& communicator, const BenchOptions& options) {
   for (const BlockSize& size : block_sizes(options))
     for (const bool single : {false, true})
       for (const Phase phase : {Phase::mobility, Phase::rate_independent})
         for (const char* form : {"matrix_free", "stencil", "assembled"})
-          for (const Damage damage : {Damage::intact, Damage::cracked, Damage::half_broken}) {
+          for (const auto& [state, damage, at_rest] : states) {
             // The plain solve of many particles takes long: there only what the program chooses itself.
             const bool many = size.cells > (size.dimension == 3 ? 20 : 128);
             const bool chosen = std::string_view(form) == "stencil";
             if (!options.large && (single || (many && !chosen))) continue;
-            const BlockCase c{single, PlainLaw::split_neo_hookean, phase, size.cells, form, damage};
+            BlockCase c{single, PlainLaw::split_neo_hookean, phase, size.cells, form, damage};
+            c.at_rest = at_rest;
             add_case(
-                fmt::format("{}/{}/{}/{}/{}", name_of(phase), form, name_of(damage),
+                fmt::format("{}/{}/{}/{}/{}", name_of(phase), form, state,
                             single ? "single" : "double", size.name),
                 [&communicator, c, size, many, chosen](benchmark::State& bench) {
                   with_dimension(size.dimension, [&](auto dim) {
