@@ -113,7 +113,7 @@ def draw_scaling(folder, points):
 
 # ---- the performance model
 
-STYLES = {"METIS on rank 0": "-", "bisection on rank 0": "-.", "limits lifted": "--"}
+STYLES = {"METIS on rank 0": ":", "bisection on rank 0": "-.", "curve": "-", "curve, reductions hidden": "--"}
 
 
 def rows_of(rows, case, phase, program):
@@ -139,8 +139,9 @@ def draw_predicted(folder, name, rows, cases, title):
 
 
 def draw_terms(folder, rows):
-    figure, panels = plt.subplots(1, 3, figsize=(10.6, 3.8), sharey=True)
-    for axes, program in zip(panels, STYLES):
+    programs = list(STYLES)[:3]
+    figure, panels = plt.subplots(1, len(programs), figsize=(10.6, 3.8), sharey=True)
+    for axes, program in zip(panels, programs):
         row = rows_of(rows, "weak", False, program)
         for colour, term in zip(SERIES, row[0]["terms"]):
             points = [(r["ranks"], 1e3 * r["terms"][term]) for r in row if r["terms"][term] > 0]
@@ -151,7 +152,7 @@ def draw_terms(folder, rows):
         axes.set_xlabel("ranks")
         axes.set_title(f"weak, elastic, {program}", fontsize=10)
     panels[0].set_ylabel("time per step [ms]")
-    panels[0].set_ylim(1e-3, 1e5)
+    panels[0].set_ylim(1e-3, 1e3)
     panels[0].legend(fontsize=8, ncol=2, loc="upper left")
     return finish(figure, folder / "model_terms.png")
 

@@ -25,14 +25,14 @@ class Machine:
 @dataclass
 class Program:
     """Who divides the blocks, and which limits hold."""
-    partitioner: str  # metis and bisection run on rank 0
+    partitioner: str  # metis and bisection run on rank 0, the curve is cut by all ranks
     table_entries: float = halo_count.MAX_TABLE
     pipelined_solver: bool = False  # -phase_ksp_type pipecg: its reductions overlap with the operator
     hidden_step_size: bool = False  # the all-reduce of the step size overlaps with the next P2G
 
 
 PROGRAMS = {"METIS on rank 0": Program("metis"), "bisection on rank 0": Program("bisection"),
-            "limits lifted": Program("curve", np.inf, True, True)}
+            "curve": Program("curve", np.inf), "curve, reductions hidden": Program("curve", np.inf, True, True)}
 
 
 def interpolate(x, table):
@@ -117,10 +117,19 @@ class Model:
                 + self.parameters["sort"]["collectives"] * np.log2(ranks) * m.latency)
 
     def repartition(self, coarse_blocks, ranks, partitioner):
-        """Gather of weights, the partitioner and owners to all, at rank 0 and then on every rank."""
-        if ranks == 1 or partitioner == "curve":
+        """Of the curve the reductions and each rank's own work; else gather of weights, the partitioner and owners to all, at
+        rank 0 and then on every rank."""
+        if ranks == 1:
             return 0.0
-        m, cost = self.machine, self.parameters["owner_table"]
+        m = self.machine
+        if partitioner == "curve":
+            cost, size = self.parameters["curve"], VALUE * ranks
+            on_node = min(ranks, m.ranks_per_node)
+            vector = (2 * np.log2(ranks) * m.latency + 2 * size / m.bandwidth
+                      + 4 * size * on_node / m.memory_bandwidth)
+            return (cost["scalar_reductions"] * np.log2(ranks) * m.latency + cost["vector_reductions"] * vector
+                    + cost["seconds_per_block"] * coarse_blocks / ranks + cost["seconds_per_piece"] * ranks)
+        cost = self.parameters["owner_table"]
         seconds = (self.metis_seconds(coarse_blocks, ranks) if partitioner == "metis"
                    else cost["bisection_seconds_per_block_and_level"] * coarse_blocks * np.log2(ranks))
         traffic = 2 * OWNER_ENTRY * coarse_blocks / m.bandwidth + 2 * ranks * m.latency
@@ -149,10 +158,10 @@ class Model:
         terms = {"compute": compute, "imbalance": self.compute(largest, phase) - compute, "halo": halo,
                  "reductions": self.reductions(ranks, phase, program),
                  "sort": self.sort(largest, ranks) / sort["steps_per_sort"], "re-balance": 0.0}
-        # Past the threshold the program partitions at every sort, whether that helps or not.
+        # What can't be balanced, or moves on, is tried again after some sorts.
         once = self.repartition(coarse, ranks, program.partitioner)
         if imbalance > sort["rebalance_threshold"]:
-            terms["re-balance"] = once / sort["steps_per_sort"]
+            terms["re-balance"] = once / sort["steps_per_sort"] / sort["sorts_per_partition"]
         facts = {"imbalance": imbalance, "coarse_blocks": coarse, "bytes": bytes_sent, "messages": messages,
                  "partition_seconds": once,
                  "efficiency": self.compute(mean, phase) / sum(terms.values())}
