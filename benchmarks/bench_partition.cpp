@@ -249,12 +249,20 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
     (void)unused;
     bench.SetIterationTime(1);
     bench.counters["ranks"] = communicator.size();
-    if (communicator.size() > 1) {
-      bench.SkipWithError("runs on one rank");
-      break;
-    }
     const BlockWeights weights = full_table(counts);
-    std::vector<int> parts;
+    const auto [order, sorted] = communicator.root() ? along_curve(counts, weights) : decltype(along_curve(counts, weights)){};
+    const BlockWeights own(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size()) / count);
+    CurveCuts cuts;
+    bench.counters["curve_seconds"] = seconds_of([&] { cuts = cut_curve(communicator, sorted, count); });
+    bench.counters["curve_own_seconds"] = seconds_of([&] {
+      const CurveCuts same = cut_curve(communicator, own, count);
+      max_over_mean(communicator, own, cuts);
+      max_over_mean(communicator, own, same);
+    });
+    if (!communicator.root()) continue;
+    std::vector<int> parts(weights.size());
+    for (std::size_t i = 0; i < sorted.size(); ++i) parts[order[i]] = piece_of(cuts, sorted[i].first);
+    report(bench, "curve", counts, weights, parts, count);
     using Divide = std::vector<int> (*)(const Counts&, const BlockWeights&, int);
     const std::pair<std::string, Divide> ways[] = {{"bisection", bisection_partition<Dim>},
                                                    {"metis", graph_partition<Dim>}};
@@ -266,18 +274,6 @@ void bench_growth(benchmark::State& bench, const Communicator& communicator, int
       bench.counters[name + "_megabytes"] = status_megabytes("VmHWM") - held;
       report(bench, name, counts, weights, parts, count);
     }
-    const auto [order, sorted] = along_curve(counts, weights);
-    const BlockWeights own(sorted.begin(), sorted.begin() + std::max(1, static_cast<int>(sorted.size()) / count));
-    CurveCuts cuts;
-    bench.counters["curve_seconds"] = seconds_of([&] { cuts = cut_curve(communicator, sorted, count); });
-    bench.counters["curve_own_seconds"] = seconds_of([&] {
-      const CurveCuts same = cut_curve(communicator, own, count);
-      max_over_mean(communicator, own, cuts);
-      max_over_mean(communicator, own, same);
-    });
-    std::vector<int> pieces(parts.size());
-    for (std::size_t i = 0; i < sorted.size(); ++i) pieces[order[i]] = piece_of(cuts, sorted[i].first);
-    report(bench, "curve", counts, weights, pieces, count);
     std::vector<std::int32_t> owners;
     bench.counters["table_seconds"] =
         seconds_of([&] { owners = owners_of_all<Dim>(counts, weights, parts); });
