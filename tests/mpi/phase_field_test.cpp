@@ -27,7 +27,7 @@ std::string list(Real x, Real y, Real z) {
 
 // A box of jittered particles with h = 0.5, and an initial crack in its middle.
 template <int Dim>
-std::string scene_text(const std::string& phase_field) {
+std::string scene_text(const std::string& phase_field, Real tolerance = 1e-13) {
   const std::string lower = list<Dim>(0, 0, 0),
                     upper = Dim == 2 ? list<Dim>(7, 4.5, 0) : list<Dim>(4.5, 2.5, 2);
   return fmt::format(
@@ -37,11 +37,11 @@ std::string scene_text(const std::string& phase_field) {
       "fracture_toughness = {4}\n"
       "[[body]]\nmaterial = \"brittle\"\nshape = {{type = \"box\", lower = {1}, upper = {2}}}\njitter = 0.3\n"
       "particles_per_cell = {5}\n"
-      "[effect.phase_field]\nlength_scale = 0.6\nresidual = {6}\ntolerance = 1e-13\ncorrected_toughness = "
+      "[effect.phase_field]\nlength_scale = 0.6\nresidual = {6}\ntolerance = {10}\ncorrected_toughness = "
       "false\n{7}\n"
       "[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = {8}, upper = {9}}}\n",
       Dim, lower, upper, modulus, toughness, Dim == 2 ? 4 : 8, residual, phase_field, list<Dim>(2, 0.7, 0),
-      list<Dim>(2.3, 2.1, 1.2));
+      list<Dim>(2.3, 2.1, 1.2), tolerance);
 }
 
 template <int Dim>
@@ -152,14 +152,16 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
   constexpr int Dim = TypeParam::value;
   for (const Setting& setting :
        {Setting{false, 0}, Setting{true, 0}, Setting{false, 0.3}, Setting{true, 0.02}}) {
-    constexpr const char* forms[] = {"assembled", "matrix_free", "stencil"};
-    std::map<GlobalIndex, Real> phases[3];
-    for (const int form : {0, 1, 2}) {
+    constexpr const char* forms[] = {"assembled", "matrix_free", "stencil", "stencil"};
+    std::map<GlobalIndex, Real> phases[4];
+    for (const int form : {0, 1, 2, 3}) {
+      // The last one in single precision, as the tolerance allows: then both errors stay below ten times the tolerance.
+      const Real tolerance = form == 3 ? 1e-6 : 1e-13, bound = form == 3 ? 1e-5 : 1e-10;
       const std::string text =
           fmt::format("operator = \"{}\"\nreaction = \"{}\"\n", forms[form],
                       setting.lumped ? "lumped" : "consistent") +
           (setting.mobility_dt > 0 ? fmt::format("mobility = {}\n", setting.mobility_dt) : "");
-      test::SceneWorld<Dim> world(scene_text<Dim>(text));
+      test::SceneWorld<Dim> world(scene_text<Dim>(text, tolerance));
       deform(world);
       world.state.dt = 1;
       Real worst = 0;
@@ -180,10 +182,10 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
         }
       }
       if (test::rank() == 0)
-        std::printf("%dD, %s, %s, M_c dt %g: c differs from the dense solve by %.1e, expected below 1e-10\n",
+        std::printf("%dD, %s, %s, M_c dt %g: c differs from the dense solve by %.1e, expected below %.0e\n",
                     Dim, forms[form], setting.lumped ? "lumped" : "consistent",
-                    setting.mobility_dt, worst);
-      EXPECT_LT(worst, 1e-10);
+                    setting.mobility_dt, worst, bound);
+      EXPECT_LT(worst, bound);
     }
     Real difference = 0;
     for (const int form : {1, 2})

@@ -43,8 +43,8 @@ struct OperatorStencil {
 // operator's stencil in the same sweep: stencil[OperatorStencil::index(...)] += A_ij.
 // touched[slot] = 1 for the blocks that have entries; those of the others are undefined, and become 0 when they are first
 // touched, which is just before they are wanted in the cache.
-// Entries (of type E) may be in single precision where the values are in double: this saves a third of the sweep and half of
-// a product's bytes, and changes the operator by about 1e-7 of its entries.
+// Entries (of type E) may be in single precision where the values are in double: this saves half of a product's
+// bytes, and changes the operator by about 1e-7 of its entries.
 template <class Kernel, int Values, int Dim, class T, class E>
 void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
                                 ValueSource<T>& source, T* nodes, T* diagonal, E* stencil, std::vector<char>& touched);

@@ -118,12 +118,11 @@ void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
   }
 }
 
-// y = (M + H) x. Ghosts of x come while the part that needs none is under way.
+// y = (M + H) x. Ghosts of x come while the part that needs none is under way. Nodes without a row hold 0 in `result_`.
 template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
   auto s = state.timers.scope("phase products");
-  state.fields.zero(result_);
   state.fields.zero(product_);
   T* in = state.fields.template data<T>(result_);
   T* out = state.fields.template data<T>(product_);
@@ -237,6 +236,7 @@ int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
     for (std::size_t r = 0; r < rows_.size(); ++r) diagonal[r] = mass_[r] + laplacian[rows_[r]];
     solver_.set_operator([this, &state](const Real* x, Real* y) { apply<T>(state, x, y); }, std::move(diagonal));
   }
+  if (form_ != Form::matrix) state.fields.zero(result_);
   solution_ = start_;
   if (result == Result::value) start_from_last_solution(state);
   assembly.stop();
