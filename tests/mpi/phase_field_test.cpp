@@ -183,8 +183,8 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
       }
       if (test::rank() == 0)
         std::printf("%dD, %s, %s, M_c dt %g: c differs from the dense solve by %.1e, expected below %.0e\n",
-                    Dim, forms[form], setting.lumped ? "lumped" : "consistent",
-                    setting.mobility_dt, worst, bound);
+                    Dim, forms[form], setting.lumped ? "lumped" : "consistent", setting.mobility_dt, worst,
+                    bound);
       EXPECT_LT(worst, bound);
     }
     Real difference = 0;

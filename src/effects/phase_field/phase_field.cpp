@@ -62,7 +62,11 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
            "How M + H is applied: from numbers on the nodes, by sweeps over the particles, or as a PETSc matrix for other "
            "preconditioners; auto takes stencil, and assembled for a -phase_pc_type that needs it.");
   p.real("tolerance", solver_options_.relative_tolerance,
-         {.min = 0, .min_exclusive = true, .max = 1, .max_exclusive = true, .doc = "Relative tolerance of the solve; from 1e-6 on the stencil is kept in single precision."});
+         {.min = 0,
+          .min_exclusive = true,
+          .max = 1,
+          .max_exclusive = true,
+          .doc = "Relative tolerance of the solve; from 1e-6 on the stencil is kept in single precision."});
   Real active_tolerance = 1e-6;
   p.real("active_tolerance", active_tolerance,
          {.min = 0,
