@@ -58,7 +58,7 @@ struct Flops {
   }
 };
 
-enum class Transfer { to_grid, to_particles, sort };
+enum class Transfer { to_grid, to_particles, both, sort };
 
 const char* name_of(Transfer transfer) {
   switch (transfer) {
@@ -66,6 +66,8 @@ const char* name_of(Transfer transfer) {
       return "p2g";
     case Transfer::to_particles:
       return "g2p";
+    case Transfer::both:
+      return "fused";
     case Transfer::sort:
       return "sort";
   }
@@ -84,6 +86,11 @@ Work work_of(Transfer transfer, const TransferBlock<Kernel, FormOf<Kernel>, Dim,
           Flops<Kernel, Dim>::to_grid()};
     case Transfer::to_particles:
       return {2 * moved + node_bytes<T>(block.state(), node_values, 1), Flops<Kernel, Dim>::to_particles()};
+    case Transfer::both: {
+      const double updated = 2 * (moved + column_bytes(f, {core::deformation_gradient}));
+      return {updated + column_bytes(f, {core::mass, core::volume}) + node_bytes<T>(block.state(), node_values, 4),
+              Flops<Kernel, Dim>::to_particles() + Flops<Kernel, Dim>::to_grid()};
+    }
     case Transfer::sort:
       // Every column to its new place; the drift reads and writes the positions, the cells are found from them.
       return {2.0 * f.bytes_per_particle() + 3 * column_bytes(f, {core::position}), 0};
@@ -115,6 +122,12 @@ void bench_transfer(benchmark::State& bench, const Communicator& communicator, T
       in_turns(
           10, [&] { block.to_particles(); }, [&] { block.reference_to_particles(); });
       break;
+    case Transfer::both:
+      // Not against plain code, but against one after the other.
+      in_turns(
+          5, [&] { block.to_particles_and_grid(block.ranges_in_cache()); },
+          [&] { block.to_particles_and_grid(block.all_ranges()); });
+      break;
     case Transfer::sort:
       in_turns(
           2, [&] { block.drift_and_sort(); }, [&] { block.reference_drift_and_sort(); });
@@ -126,7 +139,7 @@ template <class Kernel>
 void register_kernel(const Communicator& communicator, const BenchOptions& options) {
   for (const BlockSize& size : block_sizes(options))
     for (const bool single : {false, true})
-      for (const Transfer transfer : {Transfer::to_grid, Transfer::to_particles, Transfer::sort})
+      for (const Transfer transfer : {Transfer::to_grid, Transfer::to_particles, Transfer::both, Transfer::sort})
         add_case(fmt::format("{}/{}/{}/{}", name_of(transfer), Kernel::name, single ? "single" : "double",
                              size.name),
                  [&communicator, transfer, single, size](benchmark::State& bench) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "elastic_block.hpp"
+#include "mpm_hpc/time/material_access.hpp"
 #include "mpm_hpc/transfer/grid_to_particle.hpp"
 #include "mpm_hpc/transfer/particle_to_grid.hpp"
 
@@ -63,7 +64,8 @@ class TransferBlock {
     for (ReferenceParticle<Dim>& p : plain) p.tau = youngs_modulus * (p.F + p.F.transpose());
     geometry_ = reference_geometry(state_, plain);
     particles_.resize(plain.size());
-    for (std::size_t p = 0; p < plain.size(); ++p) static_cast<ReferenceParticle<Dim>&>(particles_[p]) = plain[p];
+    for (std::size_t p = 0; p < plain.size(); ++p)
+      static_cast<ReferenceParticle<Dim>&>(particles_[p]) = plain[p];
     grid_ = std::make_unique<ReferenceGrid<Dim>>(geometry_);
     for (std::size_t i = 0; i < grid_->momentum.size(); ++i) grid_->momentum[i] = Vec<Dim>::Constant(1.0);
   }
@@ -80,6 +82,40 @@ class TransferBlock {
     for (const auto* ranges : {&body.boundary, &body.interior})
       grid_to_particle<Kernel, Form>(transfer_grid(), body, *ranges, dt, sink_);
   }
+  // A step's G2P and the next one's P2G onto other nodes, with the law and its update: one after the other over all
+  // particles, or over some ranges at a time, so that P2G finds the columns in the cache as if the two were one kernel.
+  void to_particles_and_grid(std::size_t ranges_at_once) {
+    next_nodes_.assign(
+        static_cast<std::size_t>(state_.topology().size()) * nodes_per_block<Dim> * node_values +
+            row_nodes * node_values,
+        T(0));
+    Body<Dim>& body = state_.bodies[0];
+    TransferGrid<Dim, T> next = transfer_grid();
+    next.nodes = next_nodes_.data();
+    state_.dt = dt;
+    const MaterialStress<Dim, T> stress(state_, 0);
+    MaterialAdvance<Dim, T> advance(state_, 0);
+    std::vector<int> part;
+    for (const auto* ranges : {&body.boundary, &body.interior})
+      for (std::size_t first = 0; first < ranges->size(); first += ranges_at_once) {
+        const std::size_t last = std::min(ranges->size() - first, ranges_at_once) + first;
+        part.assign(ranges->begin() + first, ranges->begin() + last);
+        grid_to_particle<Kernel, Form>(transfer_grid(), body, part, dt, advance);
+        if (ranges_at_once < body.ranges.size()) particle_to_grid<Kernel, Form>(next, body, part, stress, dt);
+      }
+    if (ranges_at_once >= body.ranges.size())
+      for (const auto* ranges : {&body.boundary, &body.interior})
+        particle_to_grid<Kernel, Form>(next, body, *ranges, stress, dt);
+  }
+  // Ranges with so many particles as stay in the second cache next to their nodes.
+  std::size_t ranges_in_cache() const {
+    constexpr std::size_t cache = std::size_t{1} << 19;
+    const FieldSet& f = columns();
+    const std::size_t all = static_cast<std::size_t>(f.size()) * f.bytes_per_particle();
+    return std::max<std::size_t>(1, state_.bodies[0].ranges.size() * cache / all);
+  }
+  std::size_t all_ranges() const { return state_.bodies[0].ranges.size(); }
+
   // As between two sorts, there and back in turns.
   void drift_and_sort() {
     shift(direction_);
@@ -154,12 +190,15 @@ class TransferBlock {
   // G2P's limits, kept like the step keeps them.
   struct Sink final : UpdateSink<Dim, T> {
     KinematicLimits limits;
-    void updated(Index, Index, const KinematicLimits& chunk, const T* const*) override { limits.include(chunk); }
+    void updated(Index, Index, const KinematicLimits& chunk, const T* const*) override {
+      limits.include(chunk);
+    }
   };
 
   Scene<Dim> scene_;
   State<Dim> state_;
   Sink sink_;
+  std::vector<T> next_nodes_;
   std::vector<Plain> particles_;
   GridGeometry<Dim> geometry_;
   std::unique_ptr<ReferenceGrid<Dim>> grid_;
