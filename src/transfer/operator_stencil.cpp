@@ -44,7 +44,7 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
   for (int c = 0; c < node_values; ++c) q[c] = unused[c];
   const Real* x[Dim];
   for (int a = 0; a < Dim; ++a) x[a] = body.particles.template data<Real>(core::position, a);
-  const Real scale = Kernel::inverse_inertia / grid.geometry.spacing();
+  const Real scale = ScalarSlopes<Kernel>::scale / grid.geometry.spacing();
   const T scale2 = static_cast<T>(scale * scale);
 
   for (int number : ranges) {
@@ -91,18 +91,15 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
   }
 }
 
-#define MPM_INSTANTIATE(Dim, T, E)                                                                                          \
-  template void scatter_values_and_stencil<QuadraticKernel, 1, Dim, T, E>(const ScalarGrid<Dim>&, const Body<Dim>&,         \
-                                                                          const std::vector<int>&, ValueSource<T>&, T*, T*, \
-                                                                          E*, std::vector<char>&);                          \
-  template void scatter_values_and_stencil<QuadraticKernel, node_values, Dim, T, E>(                                        \
-      const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&, ValueSource<T>&, T*, T*, E*, std::vector<char>&);
-MPM_INSTANTIATE(2, float, float)
-MPM_INSTANTIATE(2, double, float)
-MPM_INSTANTIATE(2, double, double)
-MPM_INSTANTIATE(3, float, float)
-MPM_INSTANTIATE(3, double, float)
-MPM_INSTANTIATE(3, double, double)
+#define MPM_INSTANTIATE_VALUES(Kernel, Dim, T, E, Values)                                                                      \
+  template void scatter_values_and_stencil<Kernel, Values, Dim, T, E>(const ScalarGrid<Dim>&, const Body<Dim>&,                \
+                                                                      const std::vector<int>&, ValueSource<T>&, T*, T*, E*,    \
+                                                                      std::vector<char>&);
+#define MPM_INSTANTIATE(Kernel, Dim, T, E)    \
+  MPM_INSTANTIATE_VALUES(Kernel, Dim, T, E, 1) \
+  MPM_INSTANTIATE_VALUES(Kernel, Dim, T, E, node_values)
+MPM_FOR_OPERATOR_STENCILS(MPM_INSTANTIATE)
 #undef MPM_INSTANTIATE
+#undef MPM_INSTANTIATE_VALUES
 
 }  // namespace mpm

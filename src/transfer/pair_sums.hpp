@@ -24,7 +24,7 @@ struct ScalarLine {
 };
 
 // A particle's entries are the outer product of factors over the pairs of nodes in each direction: with W = w_n w_m and
-// K = (w_n d_n)(w_m d_m) by direction, d_n the distance to node n in spacings,
+// K = g_n g_m by direction, g_n the slopes of ScalarSlopes,
 //   A = W_x (W_y I + K_y k W_z) + K_x W_y k W_z with I = a W_z + k K_z,  in 2D A = W_x I + K_x k W_z.
 // The factors are found for a pack of particles at a time and stay in L1 until their cells have come. Values are of type T,
 // entries of type E.
@@ -65,7 +65,7 @@ class PairSums {
   static constexpr int lines = std::max(1, lanes / width), parts = std::max(1, width / lanes);
   using V __attribute__((vector_size(lanes * sizeof(E)))) = E;
   using Half __attribute__((vector_size(lanes * sizeof(E) / 2))) = E;
-  // The slopes w_n d_n sum up to 0. So in the first direction K is summed for the pairs without node 1 only, and the sums of
+  // The slopes sum up to 0. So in the first direction K is summed for the pairs without node 1 only, and the sums of
   // the others follow once per cell.
   static constexpr int free_pairs = (Kernel::support - 1) * Kernel::support / 2;
   // Registers of lines that are summed at once, so that the sums fit the registers that there are.
@@ -97,7 +97,7 @@ class PairSums {
       Kernel::weights(S(static_cast<T>(1) - load<S>(particles_.centre[a] + ready_)), weights);
       const P centre = load<P>(particles_.centre[a] + ready_);
       Kernel::weights(P(static_cast<E>(1) - centre), w);
-      for (int n = 0; n < support; ++n) g[n] = w[n] * (centre + static_cast<E>(n - 1));
+      ScalarSlopes<Kernel>::template of<E>(centre, w, g);
     };
     const auto keep = [](E* to, const P& factor) { std::memcpy(to, factor.data(), W * sizeof(E)); };
     for (int a = 0; a < last; ++a) {

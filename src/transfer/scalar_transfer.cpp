@@ -43,6 +43,44 @@ void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, con
   require_inside(outside);
 }
 
+// From a tile's node to row (i, j) behind it.
+template <int Dim>
+constexpr int row_offset(int i, int j, int side) {
+  return Dim == 2 ? i * side : (i * side + j) * side;
+}
+
+// The slopes of a kernel without inertia, which are the same everywhere in a cell.
+template <class Kernel, class T>
+Quad<T> constant_slopes() {
+  static_assert(Kernel::support == 2 && !Kernel::has_inertia);
+  T g[4] = {};
+  Kernel::gradients(T(0), g);
+  return load_quad(g);
+}
+
+// value = sum w x, slope[b] = sum g_b x with the slopes times the weights of the other directions.
+template <class Kernel, int Dim, class T>
+void gather_rows_by_slopes(ScalarRow<T>* rows, int count, const T* tile) {
+  constexpr int side = Tile<Kernel, Dim, T, 1>::side, columns = Dim == 2 ? 1 : Kernel::support;
+  const Quad<T> g = constant_slopes<Kernel, T>();
+  for (int p = 0; p < count; ++p) {
+    ScalarRow<T>& r = rows[p];
+    const Quad<T> w = load_quad(r.w[Dim - 1]);
+    Quad<T> value{}, slope[2] = {};
+    for (int i = 0; i < Kernel::support; ++i)
+      for (int j = 0; j < columns; ++j) {
+        const Quad<T> row = load_quad(tile + r.tile_node + row_offset<Dim>(i, j, side));
+        const T other = Dim == 2 ? T(1) : r.w[1][j];
+        value += r.w[0][i] * other * row;
+        slope[0] += g[i] * other * row;
+        if (Dim == 3) slope[1] += r.w[0][i] * g[j] * row;
+      }
+    r.value = sum_of<T>(w * value);
+    for (int a = 0; a < Dim - 1; ++a) r.slope[a] = sum_of<T>(w * slope[a]);
+    r.slope[Dim - 1] = sum_of<T>(g * value);
+  }
+}
+
 // value = sum w x, slope[b] = sum w (n_b - 1) x.
 template <class Kernel, int Dim, class T>
 void gather_rows(ScalarRow<T>* rows, int count, const T* tile) {
@@ -102,6 +140,25 @@ void gather_value_rows(ScalarRow<T>* rows, int count, const T* tile) {
   }
 }
 
+// tile += w value + sum_b g_b slope[b], the slopes times the weights of the other directions.
+template <class Kernel, int Dim, class T>
+void scatter_rows_by_slopes(const ScalarRow<T>* rows, int count, T* tile) {
+  constexpr int side = Tile<Kernel, Dim, T, 1>::side, columns = Dim == 2 ? 1 : Kernel::support;
+  const Quad<T> g = constant_slopes<Kernel, T>();
+  for (int p = 0; p < count; ++p) {
+    const ScalarRow<T>& r = rows[p];
+    const Quad<T> w = load_quad(r.w[Dim - 1]), centre = r.value * w + r.slope[Dim - 1] * g;
+    for (int i = 0; i < Kernel::support; ++i)
+      for (int j = 0; j < columns; ++j) {
+        T* row = tile + r.tile_node + row_offset<Dim>(i, j, side);
+        const T other = Dim == 2 ? T(1) : r.w[1][j];
+        Quad<T> sum = load_quad(row) + r.w[0][i] * other * centre + g[i] * other * r.slope[0] * w;
+        if (Dim == 3) sum += r.w[0][i] * g[j] * r.slope[1] * w;
+        std::memcpy(row, &sum, sizeof(sum));
+      }
+  }
+}
+
 // tile += w (value + sum_b (n_b - 1) slope[b]).
 template <class Kernel, int Dim, class T>
 void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
@@ -129,8 +186,8 @@ void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
   }
 }
 
-// Four values per node and the diagonal of the operator, which is separable: with W_n = w_n^2 and K_n = (w_n d_n)^2,
-// d_n the distance to node n in spacings, A_ii = (k h^-2 D^-2) (K_x W_y W_z + W_x K_y W_z + W_x W_y K_z) + a W_x W_y W_z.
+// Four values per node and the diagonal of the operator, which is separable: with W_n = w_n^2 and K_n = g_n^2,
+// g_n the slopes, A_ii = (k scale^2 h^-2) (K_x W_y W_z + W_x K_y W_z + W_x W_y K_z) + a W_x W_y W_z.
 template <class Kernel, int Dim, class T>
 void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, const T (*centre)[chunk_particles],
                         const T* conductivity, const T* reaction, T* tile, T* diagonal_tile) {
@@ -138,18 +195,20 @@ void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, 
   for (int p = 0; p < count; ++p) {
     const ScalarRow<T>& r = rows[p];
     T W[Dim][4] = {}, K[Dim][4] = {};
-    for (int a = 0; a < Dim; ++a)
+    for (int a = 0; a < Dim; ++a) {
+      T g[Kernel::support];
+      ScalarSlopes<Kernel>::template of<T>(centre[a][p], r.w[a], g);
       for (int n = 0; n < Kernel::support; ++n) {
-        const T distance = centre[a][p] + static_cast<T>(n - 1);
         W[a][n] = r.w[a][n] * r.w[a][n];
-        K[a][n] = W[a][n] * distance * distance;
+        K[a][n] = g[n] * g[n];
       }
+    }
     const Row<T> w = Row<T>::spread(load_quad(r.w[Dim - 1]));
     const Row<T> values = w * Row<T>::repeat(Quad<T>{q[0][p], q[1][p], q[2][p], q[3][p]});
     const Quad<T> square = conductivity[p] * load_quad(W[Dim - 1]), moment = conductivity[p] * load_quad(K[Dim - 1]) + reaction[p] * load_quad(W[Dim - 1]);
     for (int i = 0; i < Kernel::support; ++i)
       for (int j = 0; j < (Dim == 2 ? 1 : Kernel::support); ++j) {
-        const int node = r.tile_node + (Dim == 2 ? i * side : (i * side + j) * side);
+        const int node = r.tile_node + row_offset<Dim>(i, j, side);
         T weight = r.w[0][i], squares = W[0][i], moments = K[0][i];
         if constexpr (Dim == 3) {
           moments = moments * W[1][j] + squares * K[1][j];
@@ -172,10 +231,33 @@ struct Positions {
   }
 };
 
-// Gradient scale: D^-1 (x_i - x_p) = (k / h) (distance in spacings).
 template <class Kernel, int Dim>
 Real gradient_scale(const GridGeometry<Dim>& geometry) {
-  return Kernel::inverse_inertia / geometry.spacing();
+  return ScalarSlopes<Kernel>::scale / geometry.spacing();
+}
+
+// value = sum w x and slope[a] = sum of slopes times x.
+template <class Kernel, int Dim, class T>
+void gather_slopes(ScalarRow<T>* rows, int count, const T (*centre)[chunk_particles], const T* tile) {
+  if constexpr (Kernel::has_inertia) {
+    gather_rows<Kernel, Dim>(rows, count, tile);
+    for (int p = 0; p < count; ++p)
+      for (int a = 0; a < Dim; ++a) rows[p].slope[a] += centre[a][p] * rows[p].value;
+  } else {
+    gather_rows_by_slopes<Kernel, Dim>(rows, count, tile);
+  }
+}
+
+// Adds w value and the slopes times slope[a] to the nodes; spoils the rows.
+template <class Kernel, int Dim, class T>
+void scatter_slopes(ScalarRow<T>* rows, int count, const T (*centre)[chunk_particles], T* tile) {
+  if constexpr (Kernel::has_inertia) {
+    for (int p = 0; p < count; ++p)
+      for (int a = 0; a < Dim; ++a) rows[p].value += rows[p].slope[a] * centre[a][p];
+    scatter_rows<Kernel, Dim>(rows, count, tile);
+  } else {
+    scatter_rows_by_slopes<Kernel, Dim>(rows, count, tile);
+  }
 }
 
 }  // namespace
@@ -227,18 +309,14 @@ void apply_operator(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
       const Index end = std::min<Index>(begin + chunk_particles, range.end), count = end - begin;
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
-      gather_rows<Kernel, Dim>(rows.data(), count, in.data);
+      gather_slopes<Kernel, Dim>(rows.data(), count, centre, in.data);
       // The flux k grad x of each particle becomes the slopes of what it scatters, a x its value.
       for (Index p = 0; p < count; ++p) {
         ScalarRow<T>& r = rows[p];
-        T at_centre = columns.reaction ? columns.reaction[begin + p] * r.value : T(0);
-        for (int a = 0; a < Dim; ++a) {
-          r.slope[a] = scale2 * columns.conductivity[begin + p] * (r.slope[a] + centre[a][p] * r.value);
-          at_centre += r.slope[a] * centre[a][p];
-        }
-        r.value = at_centre;
+        r.value = columns.reaction ? columns.reaction[begin + p] * r.value : T(0);
+        for (int a = 0; a < Dim; ++a) r.slope[a] *= scale2 * columns.conductivity[begin + p];
       }
-      scatter_rows<Kernel, Dim>(rows.data(), count, out.data);
+      scatter_slopes<Kernel, Dim>(rows.data(), count, centre, out.data);
     }
     out.scatter_add(grid.topology, range.slot, y);
   }
@@ -265,10 +343,9 @@ void gather(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vecto
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
       if constexpr (WithGradient) {
-        gather_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
+        gather_slopes<Kernel, Dim>(rows.data(), end - begin, centre, tile.data);
         for (Index p = 0; p < end - begin; ++p)
-          for (int a = 0; a < Dim; ++a)
-            gradient_storage[a][p] = scale * (rows[p].slope[a] + centre[a][p] * rows[p].value);
+          for (int a = 0; a < Dim; ++a) gradient_storage[a][p] = scale * rows[p].slope[a];
       } else {
         gather_value_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
       }
@@ -292,20 +369,16 @@ void gather_value(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std:
   gather<Kernel, false>(grid, body, ranges, x, sink);
 }
 
-#define MPM_INSTANTIATE(Dim, T)                                                                                     \
-  template void scatter_values<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                   \
-                                                        const std::vector<int>&, ValueSource<T>&, T*, T*);          \
-  template void apply_operator<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                   \
-                                                        const std::vector<int>&, const OperatorColumns<T>&,         \
-                                                        const T*, T*);                                              \
-  template void gather_scalar<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                    \
-                                                       const std::vector<int>&, const T*, ValueSink<T>&);           \
-  template void gather_value<QuadraticKernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&,                     \
-                                                      const std::vector<int>&, const T*, ValueSink<T>&);
-MPM_INSTANTIATE(2, float)
-MPM_INSTANTIATE(2, double)
-MPM_INSTANTIATE(3, float)
-MPM_INSTANTIATE(3, double)
+#define MPM_INSTANTIATE(Kernel, Dim, T)                                                                                      \
+  template void scatter_values<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&,            \
+                                               ValueSource<T>&, T*, T*);                                                     \
+  template void apply_operator<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&,            \
+                                               const OperatorColumns<T>&, const T*, T*);                                     \
+  template void gather_scalar<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&, const T*,   \
+                                              ValueSink<T>&);                                                                \
+  template void gather_value<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&, const T*,    \
+                                             ValueSink<T>&);
+MPM_FOR_SCALAR_TRANSFERS(MPM_INSTANTIATE)
 #undef MPM_INSTANTIATE
 
 }  // namespace mpm

@@ -166,15 +166,9 @@ void apply_stencil(const BlockTopology<Dim>& topology, const std::vector<Slot>& 
     tile.apply(topology, blocks[b], blocks[std::min(b + 1, blocks.size() - 1)], stencil, x, y);
 }
 
-#define MPM_INSTANTIATE(Dim, T, E)                                                                             \
-  template void apply_stencil<QuadraticKernel, Dim, T, E>(const BlockTopology<Dim>&, const std::vector<Slot>&, \
-                                                          const E*, const T*, T*);
-MPM_INSTANTIATE(2, float, float)
-MPM_INSTANTIATE(2, double, float)
-MPM_INSTANTIATE(2, double, double)
-MPM_INSTANTIATE(3, float, float)
-MPM_INSTANTIATE(3, double, float)
-MPM_INSTANTIATE(3, double, double)
+#define MPM_INSTANTIATE(Kernel, Dim, T, E)                                                                            \
+  template void apply_stencil<Kernel, Dim, T, E>(const BlockTopology<Dim>&, const std::vector<Slot>&, const E*, const T*, T*);
+MPM_FOR_OPERATOR_STENCILS(MPM_INSTANTIATE)
 #undef MPM_INSTANTIATE
 
 }  // namespace mpm

@@ -103,6 +103,30 @@ struct CubicKernel {
   }
 };
 
+// Gradients per spacing of the scalar fields that effects solve for: scale times slopes, whose sum over the nodes is 0.
+template <class Kernel>
+struct ScalarSlopes {
+  // h D_p^-1 w_n (x_n - x_p) = scale w_n d_n with d_n the distance to node n in spacings; where D_p is singular on nodes, the
+  // weights' derivatives, which are the same numbers between nodes.
+  static constexpr double scale = [] {
+    if constexpr (Kernel::has_inertia) {
+      return Kernel::inverse_inertia;
+    } else {
+      return 1.0;
+    }
+  }();
+
+  // From the weights w and centre = 1 - fx.
+  template <class Scalar, class S>
+  static void of(const S& centre, const S* w, S* g) {
+    if constexpr (Kernel::has_inertia) {
+      for (int n = 0; n < Kernel::support; ++n) g[n] = w[n] * (centre + static_cast<Scalar>(n - 1));
+    } else {
+      Kernel::gradients(S(static_cast<Scalar>(1) - centre), g);
+    }
+  }
+};
+
 // f(LinearKernel()), f(QuadraticKernel()) or f(CubicKernel()).
 template <class F>
 decltype(auto) with_kernel(KernelKind kind, F&& f) {

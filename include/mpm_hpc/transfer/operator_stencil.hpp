@@ -53,4 +53,17 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
 template <class Kernel, int Dim, class T, class E>
 void apply_stencil(const BlockTopology<Dim>& topology, const std::vector<Slot>& blocks, const E* stencil, const T* x, T* y);
 
+// INSTANTIATE(Kernel, Dim, T, E) for all that a scene can choose.
+#define MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, Kernel, Dim) \
+  INSTANTIATE(Kernel, Dim, float, float)                       \
+  INSTANTIATE(Kernel, Dim, double, float)                      \
+  INSTANTIATE(Kernel, Dim, double, double)
+#define MPM_FOR_OPERATOR_STENCILS(INSTANTIATE)                  \
+  MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, LinearKernel, 2)    \
+  MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, LinearKernel, 3)    \
+  MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, QuadraticKernel, 2) \
+  MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, QuadraticKernel, 3) \
+  MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, CubicKernel, 2)     \
+  MPM_FOR_OPERATOR_STENCILS_OF(INSTANTIATE, CubicKernel, 3)
+
 }  // namespace mpm

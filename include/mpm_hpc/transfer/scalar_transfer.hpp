@@ -17,7 +17,7 @@ struct ScalarGrid {
 
 // The particles' coefficients of the operator
 //   A_ij = sum_p k_p (D_p^-1 w_ip (x_i - x_p)) . (D_p^-1 w_jp (x_j - x_p)) + a_p w_ip w_jp
-// (H of physics.md section 5 in MLS form, and a reaction term that isn't lumped).
+// (H of physics.md section 5 in MLS form, with grad w_ip for the linear kernel, and a reaction term that isn't lumped).
 template <class T>
 struct OperatorColumns {
   const T* conductivity;        // k_p
@@ -38,7 +38,8 @@ template <class T>
 class ValueSink {
  public:
   virtual ~ValueSink() = default;
-  // value[p - begin] = sum_i w_ip x_i; gradient[a][p - begin] = D_p^-1 sum_i w_ip x_i (x_i - x_p).
+  // value[p - begin] = sum_i w_ip x_i; gradient[a][p - begin] = D_p^-1 sum_i w_ip x_i (x_i - x_p), or sum_i x_i grad w_ip
+  // for the linear kernel.
   virtual void values(Index begin, Index end, const T* value, const T* const* gradient) = 0;
 };
 
@@ -60,5 +61,13 @@ void gather_scalar(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std
 template <class Kernel, int Dim, class T>
 void gather_value(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges, const T* x,
                   ValueSink<T>& sink);
+
+// INSTANTIATE(Kernel, Dim, T) for all that a scene can choose.
+#define MPM_FOR_SCALAR_TRANSFERS_OF(INSTANTIATE, Kernel) \
+  INSTANTIATE(Kernel, 2, float) INSTANTIATE(Kernel, 2, double) INSTANTIATE(Kernel, 3, float) INSTANTIATE(Kernel, 3, double)
+#define MPM_FOR_SCALAR_TRANSFERS(INSTANTIATE)             \
+  MPM_FOR_SCALAR_TRANSFERS_OF(INSTANTIATE, LinearKernel)    \
+  MPM_FOR_SCALAR_TRANSFERS_OF(INSTANTIATE, QuadraticKernel) \
+  MPM_FOR_SCALAR_TRANSFERS_OF(INSTANTIATE, CubicKernel)
 
 }  // namespace mpm

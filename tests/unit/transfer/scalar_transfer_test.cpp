@@ -33,8 +33,9 @@ struct Collected : ValueSink<T> {
   }
 };
 
-template <int D, class Number, class OfStencil = Number>
+template <class K, int D, class Number, class OfStencil = Number>
 struct Case {
+  using Kernel = K;
   static constexpr int Dim = D;
   using T = Number;
   using Entry = OfStencil;
@@ -42,12 +43,19 @@ struct Case {
 
 template <class C>
 class Scalar : public testing::Test {};
-using Cases = testing::Types<Case<2, double>, Case<2, float>, Case<3, double>, Case<3, float>, Case<2, double, float>,
-                             Case<3, double, float>>;
+using Cases = testing::Types<
+    Case<LinearKernel, 2, double>, Case<LinearKernel, 2, float>, Case<LinearKernel, 2, double, float>,
+    Case<LinearKernel, 3, double>, Case<LinearKernel, 3, float>, Case<LinearKernel, 3, double, float>,
+    Case<QuadraticKernel, 2, double>, Case<QuadraticKernel, 2, float>,
+    Case<QuadraticKernel, 2, double, float>, Case<QuadraticKernel, 3, double>,
+    Case<QuadraticKernel, 3, float>, Case<QuadraticKernel, 3, double, float>, Case<CubicKernel, 2, double>,
+    Case<CubicKernel, 2, float>, Case<CubicKernel, 2, double, float>, Case<CubicKernel, 3, double>,
+    Case<CubicKernel, 3, float>, Case<CubicKernel, 3, double, float>>;
 TYPED_TEST_SUITE(Scalar, Cases);
 
 TYPED_TEST(Scalar, EqualsPlainSums) {
   constexpr int Dim = TypeParam::Dim;
+  using Kernel = typename TypeParam::Kernel;
   using T = typename TypeParam::T;
   using Entry = typename TypeParam::Entry;
   const bool single = std::is_same_v<T, float>;
@@ -58,7 +66,7 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
   const GridGeometry<Dim> geometry(Vec<Dim>::Constant(-0.3), Vec<Dim>::Constant(0.9), 0.1);
   auto particles = random_particles(geometry, 400, 21);
   Body<Dim> body = make_body<Dim, T>(particles, precision);
-  const BlockTopology<Dim> topology = order_and_activate(body, geometry, precision);
+  const BlockTopology<Dim> topology = order_and_activate(body, geometry, precision, Kernel::shift);
   const GlobalIndex* id = body.particles.template data<GlobalIndex>(core::id);
   std::mt19937 random(4);
   std::uniform_real_distribution<Real> drift(-0.09, 0.09), both(-1, 1);
@@ -67,7 +75,7 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
       for (int a = 0; a < Dim; ++a)
         particles[id[p]].x[a] = (body.particles.template data<Real>(core::position, a)[p] += drift(random));
 
-  using Stencil = OperatorStencil<QuadraticKernel, Dim>;
+  using Stencil = OperatorStencil<Kernel, Dim>;
   GridFields fields(precision);
   const FieldId nodes = fields.add({.name = "values", .units = "1", .components = 4});
   const FieldId diagonal = fields.add({.name = "diagonal", .units = "1"}), x = fields.add({.name = "x", .units = "1"}), y = fields.add({.name = "y", .units = "1"});
@@ -96,38 +104,41 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
       fields.template data<T>(x)[s * nodes_per_block<Dim> + n] = static_cast<T>(
           in[reference.index(topology.first_node(s) + node_in_block<Dim>(n))] = both(random));
 
-  scatter_values<QuadraticKernel>(grid, body, all_ranges(body), source, fields.template data<T>(nodes),
+  scatter_values<Kernel>(grid, body, all_ranges(body), source, fields.template data<T>(nodes),
                                   fields.template data<T>(diagonal));
-  apply_operator<QuadraticKernel>(grid, body, all_ranges(body), columns, fields.template data<T>(x),
+  apply_operator<Kernel>(grid, body, all_ranges(body), columns, fields.template data<T>(x),
                                   fields.template data<T>(y));
   std::vector<char> touched(topology.size(), 0);
   std::vector<Entry> stencil(static_cast<std::size_t>(topology.size()) * Stencil::block_values);
-  scatter_values_and_stencil<QuadraticKernel, 4>(grid, body, all_ranges(body), source, fields.template data<T>(nodes2),
+  scatter_values_and_stencil<Kernel, 4>(grid, body, all_ranges(body), source, fields.template data<T>(nodes2),
                                                  fields.template data<T>(diagonal2), stencil.data(), touched);
   // With the first value only, everything else is the same.
   std::vector<Entry> stencil1(stencil.size());
   std::vector<char> touched1(topology.size(), 0);
-  scatter_values_and_stencil<QuadraticKernel, 1>(grid, body, all_ranges(body), source, fields.template data<T>(first),
+  scatter_values_and_stencil<Kernel, 1>(grid, body, all_ranges(body), source, fields.template data<T>(first),
                                                  fields.template data<T>(diagonal1), stencil1.data(), touched1);
   EXPECT_EQ(touched1, touched);
   for (std::size_t i = 0; i < stencil1.size(); ++i) ASSERT_EQ(stencil1[i], stencil[i]);
   std::vector<Slot> blocks;
   for (Slot s = 0; s < topology.size(); ++s)
     if (touched[s]) blocks.push_back(s);
-  apply_stencil<QuadraticKernel>(topology, blocks, stencil.data(), fields.template data<T>(x),
+  apply_stencil<Kernel>(topology, blocks, stencil.data(), fields.template data<T>(x),
                                  fields.template data<T>(y2));
   Collected<T, Dim> sink;
   sink.value.resize(body.particles.size());
   sink.gradient.resize(body.particles.size());
   Collected<T, Dim> value_sink = sink;
-  gather_scalar<QuadraticKernel>(grid, body, all_ranges(body), fields.template data<T>(x), sink);
+  gather_scalar<Kernel>(grid, body, all_ranges(body), fields.template data<T>(x), sink);
 
-  gather_value<QuadraticKernel>(grid, body, all_ranges(body), fields.template data<T>(x), value_sink);
+  gather_value<Kernel>(grid, body, all_ranges(body), fields.template data<T>(x), value_sink);
 
-  // The plain way: D^-1 w (x_i - x_p) of each stencil node, and every pair of nodes.
+  // The plain way: D^-1 w (x_i - x_p) of each stencil node, grad w where D is singular, and every pair of nodes.
   std::vector<Real> values(in.size()), diag(in.size()), out(in.size());
   std::vector<std::array<Real, Stencil::size>> entries(in.size());  // A_ij by i and j - i >= 0
-  const Real inverse_inertia = 4 / (0.1 * 0.1);
+  const auto gradient_of = [](Real w, const Vec<Dim>& distance, const Vec<Dim>& grad_w) -> Vec<Dim> {
+    if constexpr (Kernel::has_inertia) return Kernel::inverse_inertia / (0.1 * 0.1) * w * distance;
+    return grad_w;
+  };
   std::vector<Real> value(particles.size());
   std::vector<Vec<Dim>> gradient(particles.size());
   for (std::size_t n = 0; n < particles.size(); ++n) {
@@ -139,8 +150,9 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
     };
     std::vector<Term> terms;
     gradient[n].setZero();
-    for_each_node<QuadraticKernel>(geometry, p.x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance) {
-      terms.push_back({node, w, inverse_inertia * w * distance});
+    for_each_node_with_gradient<Kernel>(geometry, p.x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance,
+                                                           const Vec<Dim>& grad_w) {
+      terms.push_back({node, w, gradient_of(w, distance, grad_w)});
       value[n] += w * in[reference.index(node)];
       gradient[n] += terms.back().g * in[reference.index(node)];
       values[reference.index(node)] += w * p.mass;
