@@ -26,6 +26,7 @@ struct Setting {
   Real length;       // l0 [m]
   Real mobility_dt;  // M_c dt; 0: rate-independent
   const char* more = "";
+  KernelKind kernel = KernelKind::quadratic;
 };
 
 template <int Dim>
@@ -37,7 +38,8 @@ std::string scene_text(const Setting& setting, Real active_tolerance) {
   const std::string upper = Dim == 2 ? fmt::format("[{}, 3]", length) : fmt::format("[{}, 2, 1]", length),
                     zero = Dim == 2 ? "[0, 0]" : "[0, 0, 0]";
   return fmt::format(
-             "dimension = {}\n[domain]\nlower = {}\nupper = {}\n[grid]\nspacing = {}\n[time]\nend = 1\n"
+             "dimension = {}\n[domain]\nlower = {}\nupper = {}\n[grid]\nspacing = {}\nkernel = \"{}\"\n[time]\nend = 1\n"
+             "[transfer]\nforces = \"{}\"\n"
              "[material.brittle]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = {}\npoisson_ratio = "
              "0\ndensity = 1000\n"
              "fracture_toughness = {}\n"
@@ -47,7 +49,8 @@ std::string scene_text(const Setting& setting, Real active_tolerance) {
              "[effect.phase_field]\nlength_scale = {}\nresidual = {}\ntolerance = 1e-13\ncorrected_toughness "
              "= false\n"
              "active_tolerance = {}\n{}\n",
-             Dim, zero, upper, spacing, modulus, toughness, zero, upper, Dim == 2 ? 4 : 8, setting.length,
+             Dim, zero, upper, spacing, kernel_names[static_cast<int>(setting.kernel)],
+             setting.kernel == KernelKind::linear ? "classical" : "mls", modulus, toughness, zero, upper, Dim == 2 ? 4 : 8, setting.length,
              residual, active_tolerance, setting.more) +
          (setting.mobility_dt > 0 ? fmt::format("mobility = {}\n", setting.mobility_dt / dt) : "");
 }
@@ -111,9 +114,10 @@ template <int Dim>
 GlobalIndex count_nodes(const std::map<GlobalIndex, Known>& particles, const Setting& setting, bool tail,
                         int rings) {
   // A particle belongs to the block of its stencil's first node.
-  auto block_of = [](const Known& p) {
+  const Real shift = with_kernel(setting.kernel, [](auto kernel) { return decltype(kernel)::shift; });
+  auto block_of = [shift](const Known& p) {
     std::array<int, 3> b = {};
-    for (int a = 0; a < Dim; ++a) b[a] = static_cast<int>(std::floor((p.x[a] / spacing - 0.5) / 4));
+    for (int a = 0; a < Dim; ++a) b[a] = static_cast<int>(std::floor((p.x[a] / spacing - shift) / 4));
     return b;
   };
   std::set<std::array<int, 3>> occupied, active;
@@ -139,12 +143,14 @@ GlobalIndex count_nodes(const std::map<GlobalIndex, Known>& particles, const Set
   const GridGeometry<Dim> geometry(corner, Vec<Dim>::Constant(1000 * spacing), spacing);
   for (const auto& [id, p] : particles) {
     if (!active.count(block_of(p))) continue;
-    for_each_node<QuadraticKernel>(geometry, Vec<Dim>(Eigen::Map<const Vec<Dim>>(p.x)),
-                                   [&](const IntVec<Dim>& node, Real, const Vec<Dim>&) {
-                                     std::array<int, 3> n = {};
-                                     for (int a = 0; a < Dim; ++a) n[a] = node[a];
-                                     nodes.insert(n);
-                                   });
+    with_kernel(setting.kernel, [&](auto kernel) {
+      for_each_node<decltype(kernel)>(geometry, Vec<Dim>(Eigen::Map<const Vec<Dim>>(p.x)),
+                                      [&](const IntVec<Dim>& node, Real, const Vec<Dim>&) {
+                                        std::array<int, 3> n = {};
+                                        for (int a = 0; a < Dim; ++a) n[a] = node[a];
+                                        nodes.insert(n);
+                                      });
+    });
   }
   return static_cast<GlobalIndex>(nodes.size());
 }
@@ -160,7 +166,9 @@ TYPED_TEST(ActivePhaseField, EqualsTheSolveEverywhere) {
                                  Setting{spacing / 2, 0, "reaction = \"lumped\"\n"},
                                  Setting{spacing, 0, "operator = \"matrix_free\"\n"},
                                  Setting{spacing, 0, "operator = \"assembled\"\n"}, Setting{spacing, 1e-3},
-                                 Setting{spacing, 0.1}, Setting{2 * spacing, 10}}) {
+                                 Setting{spacing, 0.1}, Setting{2 * spacing, 10},
+                                 Setting{spacing, 0, "", KernelKind::linear}, Setting{spacing, 0, "", KernelKind::cubic},
+                                 Setting{spacing / 2, 0, "", KernelKind::cubic}}) {
     for (const bool tail : {true, false}) {
       auto load = [&](Real x) { return stretch(x, setting, tail); };
       const Solution<Dim> full = solve_once<Dim>(setting, 0, load),
@@ -175,7 +183,8 @@ TYPED_TEST(ActivePhaseField, EqualsTheSolveEverywhere) {
       const Real M = setting.mobility_dt,
                  L = 2 * setting.length * (M > 0 ? std::sqrt(M / (1 + M)) : 1) / spacing, s = 1 / (L * L);
       const Real factor = 1 + s / 2 - std::sqrt(s + s * s / 4);
-      const int reach = 2 + static_cast<int>(std::ceil(std::log(tolerance / 2) / std::log(factor)));
+      const int kernel_reach = setting.kernel == KernelKind::linear ? 1 : setting.kernel == KernelKind::quadratic ? 2 : 3;
+      const int reach = kernel_reach + static_cast<int>(std::ceil(std::log(tolerance / 2) / std::log(factor)));
       const GlobalIndex expected = count_nodes<Dim>(full.particles, setting, tail, (reach + 3) / 4);
       if (test::rank() == 0)
         std::printf(

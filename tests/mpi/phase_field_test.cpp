@@ -26,22 +26,23 @@ std::string list(Real x, Real y, Real z) {
 }
 
 // A box of jittered particles with h = 0.5, and an initial crack in its middle.
-template <int Dim>
+template <int Dim, class Kernel = QuadraticKernel>
 std::string scene_text(const std::string& phase_field, Real tolerance = 1e-13) {
   const std::string lower = list<Dim>(0, 0, 0),
                     upper = Dim == 2 ? list<Dim>(7, 4.5, 0) : list<Dim>(4.5, 2.5, 2);
   return fmt::format(
-      "dimension = {0}\n[domain]\nlower = {1}\nupper = {2}\n[grid]\nspacing = 0.5\n[time]\nend = 1\n"
+      "dimension = {0}\n[domain]\nlower = {1}\nupper = {2}\n[grid]\nspacing = 0.5\nkernel = \"{10}\"\n[time]\nend = 1\n"
+      "[transfer]\nforces = \"{11}\"\n"
       "[material.brittle]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = {3}\npoisson_ratio = 0\ndensity = "
       "1000\n"
       "fracture_toughness = {4}\n"
       "[[body]]\nmaterial = \"brittle\"\nshape = {{type = \"box\", lower = {1}, upper = {2}}}\njitter = 0.3\n"
       "particles_per_cell = {5}\n"
-      "[effect.phase_field]\nlength_scale = 0.6\nresidual = {6}\ntolerance = {10}\ncorrected_toughness = "
+      "[effect.phase_field]\nlength_scale = 0.6\nresidual = {6}\ntolerance = {12}\ncorrected_toughness = "
       "false\n{7}\n"
       "[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = {8}, upper = {9}}}\n",
       Dim, lower, upper, modulus, toughness, Dim == 2 ? 4 : 8, residual, phase_field, list<Dim>(2, 0.7, 0),
-      list<Dim>(2.3, 2.1, 1.2), tolerance);
+      list<Dim>(2.3, 2.1, 1.2), Kernel::name, Kernel::has_inertia ? "mls" : "classical", tolerance);
 }
 
 template <int Dim>
@@ -95,7 +96,7 @@ struct Setting {
 };
 
 // One step of physics.md section 5 from dense matrices, divided by M_c; returns the particles' new c.
-template <int Dim>
+template <class Kernel, int Dim>
 std::map<GlobalIndex, Real> dense_step(const GridGeometry<Dim>& geometry,
                                        const std::map<GlobalIndex, Known<Dim>>& all, const Setting& setting) {
   const Real length = 0.6, m = setting.mobility_dt > 0 ? 1 / setting.mobility_dt : 0;
@@ -108,11 +109,13 @@ std::map<GlobalIndex, Real> dense_step(const GridGeometry<Dim>& geometry,
   };
   std::map<GlobalIndex, std::vector<Term>> stencils;
   for (const auto& [id, p] : all)
-    for_each_node<QuadraticKernel>(
+    for_each_node_with_gradient<Kernel>(
         geometry, Vec<Dim>(Eigen::Map<const Vec<Dim>>(p.x)),
-        [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance) {
+        [&](const IntVec<Dim>& node, Real w, const Vec<Dim>& distance, const Vec<Dim>& grad_w) {
           const int row = rows.emplace(grid.index(node), static_cast<int>(rows.size())).first->second;
-          stencils[id].push_back({row, w, 4 / (0.5 * 0.5) * w * distance});
+          Vec<Dim> g = grad_w;
+          if constexpr (Kernel::has_inertia) g = Kernel::inverse_inertia / (0.5 * 0.5) * w * distance;
+          stencils[id].push_back({row, w, g});
         });
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(rows.size(), rows.size());
   Eigen::VectorXd b = Eigen::VectorXd::Zero(rows.size()), weight = b, weighted = b;
@@ -145,11 +148,18 @@ std::map<GlobalIndex, Real> dense_step(const GridGeometry<Dim>& geometry,
 
 template <class D>
 class PhaseField : public testing::Test {};
-using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
+template <int D, class K>
+struct Case {
+  static constexpr int value = D;
+  using Kernel = K;
+};
+using Dimensions = testing::Types<Case<2, LinearKernel>, Case<2, QuadraticKernel>, Case<2, CubicKernel>, Case<3, LinearKernel>,
+                                  Case<3, QuadraticKernel>, Case<3, CubicKernel>>;
 TYPED_TEST_SUITE(PhaseField, Dimensions);
 
 TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
   constexpr int Dim = TypeParam::value;
+  using Kernel = typename TypeParam::Kernel;
   for (const Setting& setting :
        {Setting{false, 0}, Setting{true, 0}, Setting{false, 0.3}, Setting{true, 0.02}}) {
     constexpr const char* forms[] = {"assembled", "matrix_free", "stencil", "stencil"};
@@ -161,7 +171,7 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
           fmt::format("operator = \"{}\"\nreaction = \"{}\"\n", forms[form],
                       setting.lumped ? "lumped" : "consistent") +
           (setting.mobility_dt > 0 ? fmt::format("mobility = {}\n", setting.mobility_dt) : "");
-      test::SceneWorld<Dim> world(scene_text<Dim>(text, tolerance));
+      test::SceneWorld<Dim> world(scene_text<Dim, Kernel>(text, tolerance));
       deform(world);
       world.state.dt = 1;
       Real worst = 0;
@@ -169,7 +179,7 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
         const auto before = gather_all(world);
         world.run_effects();
         const auto after = gather_all(world);
-        const auto expected = dense_step(world.state.geometry(), before, setting);
+        const auto expected = dense_step<Kernel>(world.state.geometry(), before, setting);
         ASSERT_EQ(after.size(), expected.size());
         int changed = 0;
         for (const auto& [id, p] : after) {
@@ -182,9 +192,9 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
         }
       }
       if (test::rank() == 0)
-        std::printf("%dD, %s, %s, M_c dt %g: c differs from the dense solve by %.1e, expected below %.0e\n",
-                    Dim, forms[form], setting.lumped ? "lumped" : "consistent", setting.mobility_dt, worst,
-                    bound);
+        std::printf("%dD, %s, %s, %s, M_c dt %g: c differs from the dense solve by %.1e, expected below %.0e\n",
+                    Dim, Kernel::name, forms[form], setting.lumped ? "lumped" : "consistent",
+                    setting.mobility_dt, worst, bound);
       EXPECT_LT(worst, bound);
     }
     Real difference = 0;
@@ -198,8 +208,9 @@ TYPED_TEST(PhaseField, AllOperatorsEqualADenseSolve) {
 // The particles are spread anew between two solves, and many of them change their rank.
 TYPED_TEST(PhaseField, SurvivesMigration) {
   constexpr int Dim = TypeParam::value;
+  using Kernel = typename TypeParam::Kernel;
   for (const auto& [form, mobility] : {std::pair("assembled", 0.5), {"stencil", 0.5}, {"stencil", 0.0}}) {
-    test::SceneWorld<Dim> world(scene_text<Dim>(
+    test::SceneWorld<Dim> world(scene_text<Dim, Kernel>(
         fmt::format("operator = \"{}\"\n", form) + (mobility > 0 ? fmt::format("mobility = {}\n", mobility) : "")));
     deform(world);
     world.state.dt = 1;
@@ -213,7 +224,7 @@ TYPED_TEST(PhaseField, SurvivesMigration) {
     const auto before = gather_all(world);
     world.run_effects();
     const auto after = gather_all(world);
-    const auto expected = dense_step(world.state.geometry(), before, {false, mobility});
+    const auto expected = dense_step<Kernel>(world.state.geometry(), before, {false, mobility});
     Real worst = 0;
     for (const auto& [id, p] : after) worst = std::max(worst, std::abs(p.phase - expected.at(id)));
     EXPECT_LT(worst, 1e-10);
@@ -234,10 +245,16 @@ Real fracture_energy(test::SceneWorld<Dim>& world) {
 
 // Two grips tear a notched bar apart, in its middle.
 TEST(PhaseFieldRun, NeverHealsAndStaysInBounds) {
-  for (const char* evolution :
-       {"", "mobility = 200\n", "history = \"maximum\"\n", "reaction = \"lumped\"\n"}) {
+  struct Run {
+    const char *kernel, *evolution;
+  };
+  for (const auto& [kernel, evolution] : {Run{"quadratic", ""}, Run{"quadratic", "mobility = 200\n"},
+                                          Run{"quadratic", "history = \"maximum\"\n"},
+                                          Run{"quadratic", "reaction = \"lumped\"\n"}, Run{"linear", ""}, Run{"cubic", ""},
+                                          Run{"cubic", "mobility = 200\n"}}) {
     test::SceneWorld<2> world(fmt::format(
-        "dimension = 2\n[domain]\nlower = [-4, -2]\nupper = [16, 6]\n[grid]\nspacing = 0.5\n[time]\nend = 2\n"
+        "dimension = 2\n[domain]\nlower = [-4, -2]\nupper = [16, 6]\n[grid]\nspacing = 0.5\nkernel = \"{}\"\n[time]\nend = 2\n"
+        "[transfer]\nforces = \"{}\"\n"
         "[material.brittle]\nmodel = \"split_neo_hookean\"\nyoungs_modulus = 1e5\npoisson_ratio = "
         "0.2\ndensity = 1000\n"
         "fracture_toughness = 100\n"
@@ -248,7 +265,7 @@ TEST(PhaseFieldRun, NeverHealsAndStaysInBounds) {
         "velocity = [-0.1, 0]\nramp = 0.3\n"
         "[[effect.grip]]\nname = \"right\"\nshape = {{type = \"plane\", point = [11, 0], normal = [-1, 0]}}\n"
         "velocity = [0.1, 0]\nramp = 0.3\n",
-        evolution));
+        kernel, std::string(kernel) == "linear" ? "classical" : "mls", evolution));
     ExplicitIntegrator<2> integrator(world.state, std::move(world.hooks), {});
     integrator.initialise(world.state);
     auto before = gather_all(world);
@@ -270,10 +287,10 @@ TEST(PhaseFieldRun, NeverHealsAndStaysInBounds) {
     }
     if (test::rank() == 0)
       std::printf(
-          "torn bar (%s): %zu of %zu particles broken at the start, %zu after %lld steps; healed %lld, "
+          "torn bar (%s, %s): %zu of %zu particles broken at the start, %zu after %lld steps; healed %lld, "
           "outside of "
           "[0, 1] %lld, expected 0 and 0\n",
-          *evolution ? std::string(evolution, std::strlen(evolution) - 1).c_str() : "defaults",
+          kernel, *evolution ? std::string(evolution, std::strlen(evolution) - 1).c_str() : "defaults",
           broken_at_start, before.size(), broken, static_cast<long long>(world.state.step),
           static_cast<long long>(healed), static_cast<long long>(outside));
     EXPECT_EQ(healed, 0);

@@ -6,10 +6,10 @@
 namespace mpm {
 
 // On the grid a disturbance decays by the factor f per cell with f + 1/f - 2 = (h / L_s)^2, from the three-point form of
-// c - L_s^2 c'' = 0; slower than exp(-h / L_s) where L_s < h. The kernels reach two cells further.
+// c - L_s^2 c'' = 0; slower than exp(-h / L_s) where L_s < h. The kernel reaches further by what couples two nodes.
 template <int Dim>
-int ActiveSet<Dim>::reach(Real decay_length) const {
-  constexpr int kernel_reach = 2;
+int ActiveSet<Dim>::reach(KernelKind kernel, Real decay_length) const {
+  const int kernel_reach = with_kernel(kernel, [](auto k) { return decltype(k)::support; }) - 1;
   const Real half = 1 + 0.5 / (decay_length * decay_length);
   return kernel_reach + static_cast<int>(std::ceil(std::log(1 / threshold()) / std::acosh(half)));
 }

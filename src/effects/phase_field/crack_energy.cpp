@@ -5,12 +5,6 @@
 
 namespace mpm {
 
-namespace {
-
-using Kernel = QuadraticKernel;
-
-}  // namespace
-
 // Only the sums that project_phase needs.
 template <int Dim>
 template <class T>
@@ -58,9 +52,11 @@ void PhaseField<Dim>::sum_phase(State<Dim>& state) {
     for (const BodyPart& part : parts_) {
       const Body<Dim>& body = state.bodies[part.body];
       PhaseOnly<T> source(body.particles, part);
-      for (const auto* ranges : {&body.boundary, &body.interior})
-        scatter_values<Kernel>(grid, body, *ranges, source, fields.template data<T>(system_->values()),
-                               fields.template data<T>(system_->diagonal()));
+      with_kernel(state.transfer.kernel, [&](auto kernel) {
+        for (const auto* ranges : {&body.boundary, &body.interior})
+          scatter_values<decltype(kernel)>(grid, body, *ranges, source, fields.template data<T>(system_->values()),
+                                           fields.template data<T>(system_->diagonal()));
+      });
     }
   });
   state.halo().sum(fields, {system_->values()});
@@ -89,8 +85,10 @@ Real PhaseField<Dim>::projected_crack_energy(State<Dim>& state) {
       const Body<Dim>& body = state.bodies[part.body];
       CrackEnergy<T, Dim> sink(part.law, body.particles.template data<T>(core::volume),
                                body.particles.template data<T>(part.phase));
-      for (const auto* ranges : {&body.boundary, &body.interior})
-        gather_scalar<Kernel>(grid, body, *ranges, state.fields.template data<T>(system_->result()), sink);
+      with_kernel(state.transfer.kernel, [&](auto kernel) {
+        for (const auto* ranges : {&body.boundary, &body.interior})
+          gather_scalar<decltype(kernel)>(grid, body, *ranges, state.fields.template data<T>(system_->result()), sink);
+      });
       energy += sink.energy;
     }
     return energy;

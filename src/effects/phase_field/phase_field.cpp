@@ -12,11 +12,6 @@ namespace mpm {
 
 namespace {
 
-using Kernel = QuadraticKernel;
-// k of the quadratic kernel, by how the reaction acts: a crack one layer of particles wide, computed independently
-// (lumped: physics.md section 5; consistent: energies 1.276, 1.130, 1.064 G_c at l0/h = 0.5, 1, 2 with 4 particles per
-// direction and slightly more with 2).
-constexpr double lumped_correction = 0.40, consistent_correction = 0.16;
 // Entries of the stencil in single precision change M + H by about 1e-7 of its entries, as a residual of 1e-7 would.
 constexpr double least_tolerance_of_single = 1e-6;
 constexpr double broken = 0.1;                 // c below which a particle counts as broken
@@ -56,8 +51,14 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
            "crack breaks all that shares a node with it.");
   lumped_ = reaction == "lumped";
   p.boolean("corrected_toughness", corrected_,
-            {.doc = "Divide the toughness by 1 + k h/l0 (k = 0.16, lumped 0.40), so that a crack costs fracture_toughness per "
-                    "area on this grid."});
+            {.doc = "Divide the toughness by 1 + k h/l0, so that a crack costs fracture_toughness per area on this grid."});
+  std::string shape = "profile";
+  const bool chosen = p.choice("corrected_for", shape, {"profile", "running_crack"},
+           "The crack whose cost k is: the profile of one broken row of particles (quadratic kernel: 0.16, lumped 0.40), or what "
+           "a running crack breaks (0.32, lumped 0.46).");
+  if (chosen && !corrected_)
+    p.error_at("corrected_for", "corrected_toughness = false leaves nothing to correct; take one of the two out.");
+  crack_shape_ = shape == "profile" ? CrackShape::profile : CrackShape::running;
   p.choice("operator", operator_, {"auto", "stencil", "matrix_free", "assembled"},
            "How M + H is applied: from numbers on the nodes, by sweeps over the particles, or as a PETSc matrix for other "
            "preconditioners; auto takes stencil, and assembled for a -phase_pc_type that needs it.");
@@ -97,19 +98,23 @@ std::string PhaseField<Dim>::explain() const {
                      "J/m^2{}, operator {}",
                      bodies, law.length,
                      mobility_ ? fmt::format("mobility {:.4g} 1/s", *mobility_) : std::string("rate-independent"),
-                     law.residual, law.toughness, corrected_ ? " (corrected for the grid)" : "", operator_);
+                     law.residual, law.toughness,
+                     corrected_ ? fmt::format(" (over 1 + k h/l0 with k = {:.2f}, {})", crack_cost_,
+                                              crack_shape_ == CrackShape::profile ? "the profile of one broken row"
+                                                                                  : "what a running crack breaks")
+                                : std::string(),
+                     operator_);
 }
 
 template <int Dim>
 void PhaseField<Dim>::declare_fields(State<Dim>& state) {
-  require(state.transfer.kernel == KernelKind::quadratic,
-          "{}: the phase field is solved on the quadratic kernel only; set grid.kernel = \"quadratic\"", where_);
   const Real spacing = state.geometry().spacing();
   const std::string preconditioner = LinearSolver::preconditioner_of_entries(PhaseSystem<Dim>::options_prefix);
   if (operator_ == "auto") operator_ = preconditioner.empty() ? "stencil" : "assembled";
   require(preconditioner.empty() || operator_ == "assembled",
           "{}: operator = \"{}\" has no entries for -{}pc_type {}; take operator = \"assembled\" or the preconditioner jacobi",
           where_, operator_, PhaseSystem<Dim>::options_prefix, preconditioner);
+  crack_cost_ = corrected_ ? crack_cost(state.transfer.kernel, lumped_, crack_shape_) : 0;
   part_of_body_.assign(state.bodies.size(), -1);
   std::vector<typename PhaseSystem<Dim>::Part> system_parts;
   for (std::size_t b = 0; b < state.bodies.size(); ++b) {
@@ -123,10 +128,7 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
     part.law.length = length_.value_or(spacing / 2);
     part.law.residual = residual_;
     part.law.inverse_mobility = mobility_ ? 1 / *mobility_ : 0;
-    part.law.toughness = material.fracture_toughness();
-    if (corrected_)
-      part.law.toughness = corrected_toughness(part.law.toughness, spacing, part.law.length,
-                                               lumped_ ? lumped_correction : consistent_correction);
+    part.law.toughness = corrected_toughness(material.fracture_toughness(), spacing, part.law.length, crack_cost_);
     part.phase = f.add({.name = "phase", .units = "1", .type = real, .in_output = true, .initial = 1});
     if (operator_ == "matrix_free") {
       part.conductivity = f.add({.name = "phase_conductivity", .units = "m^5", .type = real});
@@ -300,7 +302,7 @@ void PhaseField<Dim>::find_active(State<Dim>& state) {
       candidates.push_back({part.body, [this, source = Source<T>(state, part, running_maximum_, lumped_)](
                                            const BlockRange& range) { return source.is_driven(range, active_.threshold(), mobility_ || by_increment_);
                                            }});
-    active_.find(state, candidates, active_.reach(parts_.front().law.decay_length(state.dt) / state.geometry().spacing()));
+    active_.find(state, candidates, active_.reach(state.transfer.kernel, parts_.front().law.decay_length(state.dt) / state.geometry().spacing()));
   });
 }
 
@@ -364,11 +366,13 @@ void PhaseField<Dim>::update(State<Dim>& state, std::size_t body, const std::vec
     sink.law = &part.law;
     const T* result = state.fields.template data<T>(system_->result());
     const std::vector<int> active = active_.select(state.bodies[body], ranges);
-    if (crack_energy_known_) {
-      gather_scalar<Kernel>(grid, state.bodies[body], active, result, sink);
-    } else {
-      gather_value<Kernel>(grid, state.bodies[body], active, result, sink);
-    }
+    with_kernel(state.transfer.kernel, [&](auto kernel) {
+      if (crack_energy_known_) {
+        gather_scalar<decltype(kernel)>(grid, state.bodies[body], active, result, sink);
+      } else {
+        gather_value<decltype(kernel)>(grid, state.bodies[body], active, result, sink);
+      }
+    });
     crack_energy_ += sink.energy;
   });
 }

@@ -11,7 +11,6 @@ namespace mpm {
 
 namespace {
 
-using Kernel = QuadraticKernel;
 // Row numbers travel in grid fields of either precision, as two parts that a float holds exactly.
 constexpr GlobalIndex row_base = 1 << 20;
 
@@ -23,6 +22,7 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries e
     : form_(form),
       sums_(sums),
       single_entries_(entries == Entries::single || state.precision == Precision::single_precision),
+      kernel_(state.transfer.kernel),
       solver_(state.communicator(), options_prefix, options) {
   GridFields& f = state.fields;
   values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = sums == Sums::all});
@@ -30,7 +30,7 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries e
   diagonal_ = f.add({.name = "phase_diagonal", .units = "1", .sums_ghosts = true});
   result_ = f.add({.name = "phase_result", .units = "1", .fills_ghosts = true});
   if (form_ == Form::matrix) {
-    constexpr int entries = OperatorStencil<Kernel, Dim>::size;
+    const int entries = with_stencil([](auto stencil) { return decltype(stencil)::size; });
     stencil_ = f.add({.name = "phase_stencil", .units = "1", .components = entries, .halo_components = entries});
     row_number_ = f.add({.name = "phase_row", .units = "1", .components = 2, .halo_components = 2});
     state.distribution.require_row_halo();
@@ -48,7 +48,7 @@ std::vector<FieldId> PhaseSystem<Dim>::sums() const {
 template <int Dim>
 void PhaseSystem<Dim>::begin(const State<Dim>& state) {
   if (form_ == Form::particles) return;
-  const std::size_t block = OperatorStencil<Kernel, Dim>::block_values *
+  const std::size_t block = with_stencil([](auto stencil) { return decltype(stencil)::block_values; }) *
                             (single_entries_ ? sizeof(float) : sizeof(double));
   const auto blocks = static_cast<std::size_t>(state.topology().size());
   entries_.allocate(blocks * block, 0);
@@ -63,17 +63,20 @@ void PhaseSystem<Dim>::scatter(State<Dim>& state, std::size_t body, const std::v
   const Body<Dim>& particles = state.bodies[body];
   T* values = state.fields.template data<T>(values_);
   T* diagonal = state.fields.template data<T>(diagonal_);
-  if (form_ == Form::particles) {
-    scatter_values<Kernel>(grid, particles, ranges, source, values, diagonal);
-    return;
-  }
-  with_entries<T>([&](auto* entries) {
-    if (sums_ == Sums::all) {
-      scatter_values_and_stencil<Kernel, node_values>(grid, particles, ranges, source, values, diagonal, entries, touched_);
-    } else {
-      scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(mass_sum_),
-                                            diagonal, entries, touched_);
+  with_kernel(kernel_, [&](auto kernel) {
+    using Kernel = decltype(kernel);
+    if (form_ == Form::particles) {
+      scatter_values<Kernel>(grid, particles, ranges, source, values, diagonal);
+      return;
     }
+    with_entries<T>([&](auto* entries) {
+      if (sums_ == Sums::all) {
+        scatter_values_and_stencil<Kernel, node_values>(grid, particles, ranges, source, values, diagonal, entries, touched_);
+      } else {
+        scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(mass_sum_),
+                                              diagonal, entries, touched_);
+      }
+    });
   });
 }
 
@@ -133,18 +136,21 @@ void PhaseSystem<Dim>::apply(State<Dim>& state, const Real* x, Real* y) {
     } else {
       state.halo().start_fill(state.fields, {result_});
     }
-    if (form_ == Form::stencil) {
-      with_entries<T>([&](const auto* entries) {
-        apply_stencil<Kernel>(state.topology(), edge ? edge_ : inner_, entries, in, out);
-      });
-      continue;
-    }
-    const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
-    for (const Part& part : parts_) {
-      const Body<Dim>& body = state.bodies[part.body];
-      apply_operator<Kernel>(grid, body, active_->select(body, edge ? body.boundary : body.interior), columns<T>(state, part),
-                             in, out);
-    }
+    with_kernel(kernel_, [&](auto kernel) {
+      using Kernel = decltype(kernel);
+      if (form_ == Form::stencil) {
+        with_entries<T>([&](const auto* entries) {
+          apply_stencil<Kernel>(state.topology(), edge ? edge_ : inner_, entries, in, out);
+        });
+        return;
+      }
+      const ScalarGrid<Dim> grid{state.geometry(), state.topology()};
+      for (const Part& part : parts_) {
+        const Body<Dim>& body = state.bodies[part.body];
+        apply_operator<Kernel>(grid, body, active_->select(body, edge ? body.boundary : body.interior), columns<T>(state, part),
+                               in, out);
+      }
+    });
   }
   state.halo().sum(state.fields, {product_});
   for (std::size_t r = 0; r < rows_.size(); ++r) y[r] = mass_[r] * x[r] + out[rows_[r]];
@@ -166,9 +172,8 @@ void PhaseSystem<Dim>::find_blocks(const BlockTopology<Dim>& topology) {
 
 // The stencil in the order of a grid field, summed over the ranks.
 template <int Dim>
-template <class T>
+template <class Stencil, class T>
 void PhaseSystem<Dim>::stencil_to_field(State<Dim>& state) {
-  using Stencil = OperatorStencil<Kernel, Dim>;
   GridFields& fields = state.fields;
   fields.zero(stencil_);
   T* out = fields.template data<T>(stencil_);
@@ -186,11 +191,10 @@ void PhaseSystem<Dim>::stencil_to_field(State<Dim>& state) {
 
 // The rows of M + H: the entry of two nodes stands at the lower corner of the box that they span.
 template <int Dim>
-template <class T>
+template <class Stencil, class T>
 void PhaseSystem<Dim>::assemble(State<Dim>& state, GlobalIndex first_row) {
-  using Stencil = OperatorStencil<Kernel, Dim>;
   GridFields& fields = state.fields;
-  stencil_to_field<T>(state);
+  stencil_to_field<Stencil, T>(state);
   T* number = fields.template data<T>(row_number_);
   std::fill_n(number, 2 * fields.nodes(), T(-1));
   for (std::size_t r = 0; r < rows_.size(); ++r) {
@@ -228,7 +232,7 @@ int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
   find_rows<T>(state);
   const GlobalIndex first_row = solver_.set_rows(static_cast<int>(rows_.size()));
   if (form_ == Form::matrix) {
-    assemble<T>(state, first_row);
+    with_stencil([&](auto stencil) { assemble<decltype(stencil), T>(state, first_row); });
   } else {
     if (form_ == Form::stencil) find_blocks(state.topology());
     const T* laplacian = state.fields.template data<T>(diagonal_);

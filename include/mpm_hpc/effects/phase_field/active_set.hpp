@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mpm_hpc/effects/state.hpp"
+#include "mpm_hpc/math/bspline.hpp"
 
 namespace mpm {
 
@@ -19,7 +20,7 @@ class ActiveSet {
   Real threshold() const { return tolerance_ / 2; }
   // Cells that a disturbance of c takes to decay to the threshold, by the decay length L_s over the grid spacing
   // (verification.md section 9: L_s = 2 l0 sqrt(M_c dt / (1 + M_c dt))).
-  int reach(Real decay_length) const;
+  int reach(KernelKind kernel, Real decay_length) const;
 
   // Asks `is_driven(range)` of the ranges of the given bodies until a block is known to be active, and adds all
   // blocks within `reach` cells. Collective.

@@ -8,6 +8,7 @@
 #include "mpm_hpc/base/parameters.hpp"
 #include "mpm_hpc/effects/effect.hpp"
 #include "mpm_hpc/effects/phase_field/active_set.hpp"
+#include "mpm_hpc/effects/phase_field/crack_cost.hpp"
 #include "mpm_hpc/effects/phase_field/phase_law.hpp"
 #include "mpm_hpc/effects/phase_field/phase_system.hpp"
 #include "mpm_hpc/math/shape.hpp"
@@ -60,6 +61,8 @@ class PhaseField final : public Effect<Dim> {
   std::optional<Real> mobility_;  // M_c [1/s]; none: rate-independent
   Real residual_ = 1e-3;
   bool running_maximum_ = false, corrected_ = true, lumped_ = false, by_increment_ = false;
+  CrackShape crack_shape_ = CrackShape::profile;
+  Real crack_cost_ = 0;  // k
   int passes_ = 1;  // of implicit steps
   Real pass_tolerance_ = 1e-3;
   std::string operator_ = "auto";

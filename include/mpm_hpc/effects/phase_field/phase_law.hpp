@@ -49,8 +49,8 @@ struct PhaseLaw {
   }
 };
 
-// The discretised crack costs (1 + k h / l0) G_c per area, k by kernel (physics.md section 5): dividing by it gives the
-// toughness that the user asked for. k = 0.40 for the quadratic kernel.
+// A crack on the grid costs (1 + k h / l0) G_c per area (crack_cost.hpp): dividing by it gives the toughness that the user
+// asked for.
 inline double corrected_toughness(double toughness, double spacing, double length, double k) {
   return toughness / (1 + k * spacing / length);
 }

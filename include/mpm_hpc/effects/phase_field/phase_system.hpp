@@ -77,18 +77,25 @@ class PhaseSystem {
   template <class T>
   void apply(State<Dim>& state, const Real* x, Real* y);
   void find_blocks(const BlockTopology<Dim>& topology);
-  template <class T>
+  template <class Stencil, class T>
   void assemble(State<Dim>& state, GlobalIndex first_row);
-  template <class T>
+  template <class Stencil, class T>
   void stencil_to_field(State<Dim>& state);
   template <class T>
   void find_rows(State<Dim>& state);
   void start_from_last_solution(const State<Dim>& state);
   void keep_solution(const State<Dim>& state);
 
+  // f(OperatorStencil<Kernel, Dim>()) of the scene's kernel.
+  template <class F>
+  decltype(auto) with_stencil(F&& f) const {
+    return with_kernel(kernel_, [&f](auto kernel) { return f(OperatorStencil<decltype(kernel), Dim>()); });
+  }
+
   Form form_;
   Sums sums_;
   bool single_entries_;
+  KernelKind kernel_;
   LinearSolver solver_;
   std::vector<Part> parts_;
   const ActiveSet<Dim>* active_ = nullptr;
