@@ -12,8 +12,10 @@ namespace mpm {
 
 namespace {
 
-// Entries of the stencil in single precision change M + H by about 1e-7 of its entries, as a residual of 1e-7 would.
-constexpr double least_tolerance_of_single = 1e-6;
+// Entries of the stencil in single precision change c by about 6e-8 (l0/h)^2: the entries of H are (l0/h)^2 times those of M.
+bool single_entries_suffice(double tolerance, double length_in_cells) {
+  return tolerance >= 1e-6 * std::max(1.0, length_in_cells * length_in_cells);
+}
 constexpr double broken = 0.1;                 // c below which a particle counts as broken
 constexpr double cracked_equilibrium = 1e-3;   // c at which the driving energy holds an initial crack on the grid
 
@@ -67,7 +69,7 @@ PhaseField<Dim>::PhaseField(Parameters& p) {
           .min_exclusive = true,
           .max = 1,
           .max_exclusive = true,
-          .doc = "Relative tolerance of the solve; from 1e-6 on the stencil is kept in single precision."});
+          .doc = "Relative tolerance of the solve; from 1e-6 on, and (l0/h)^2 times that where l0 > h, the stencil is kept in single precision."});
   Real active_tolerance = 1e-6;
   p.real("active_tolerance", active_tolerance,
          {.min = 0,
@@ -108,7 +110,7 @@ std::string PhaseField<Dim>::explain() const {
 
 template <int Dim>
 void PhaseField<Dim>::declare_fields(State<Dim>& state) {
-  const Real spacing = state.geometry().spacing();
+  const Real spacing = state.geometry().spacing(), length = length_.value_or(spacing / 2);
   const std::string preconditioner = LinearSolver::preconditioner_of_entries(PhaseSystem<Dim>::options_prefix);
   if (operator_ == "auto") operator_ = preconditioner.empty() ? "stencil" : "assembled";
   require(preconditioner.empty() || operator_ == "assembled",
@@ -125,7 +127,7 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
     const ScalarType real = real_type(state.precision);
     BodyPart part;
     part.body = b;
-    part.law.length = length_.value_or(spacing / 2);
+    part.law.length = length;
     part.law.residual = residual_;
     part.law.inverse_mobility = mobility_ ? 1 / *mobility_ : 0;
     part.law.toughness = corrected_toughness(material.fracture_toughness(), spacing, part.law.length, crack_cost_);
@@ -153,7 +155,8 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
   using Sums = typename PhaseSystem<Dim>::Sums;
   const bool same_sum = !mobility_ && !lumped_ && !by_increment_ && form != Form::particles;
   using Entries = typename PhaseSystem<Dim>::Entries;
-  const bool single_entries = form == Form::stencil && solver_options_.relative_tolerance >= least_tolerance_of_single;
+  const bool single_entries =
+      form == Form::stencil && single_entries_suffice(solver_options_.relative_tolerance, length / spacing);
   system_ = std::make_unique<PhaseSystem<Dim>>(state, form, same_sum ? Sums::mass_only : Sums::all,
                                                single_entries ? Entries::single : Entries::as_run, solver_options_);
   system_->set_parts(std::move(system_parts), &active_);
