@@ -236,24 +236,31 @@ Real gradient_scale(const GridGeometry<Dim>& geometry) {
   return ScalarSlopes<Kernel>::scale / geometry.spacing();
 }
 
-// value = sum w x and slope[a] = sum of slopes times x.
+// value = sum w x; the slopes want finish_slopes.
 template <class Kernel, int Dim, class T>
-void gather_slopes(ScalarRow<T>* rows, int count, const T (*centre)[chunk_particles], const T* tile) {
+void gather_slopes(ScalarRow<T>* rows, int count, const T* tile) {
   if constexpr (Kernel::has_inertia) {
     gather_rows<Kernel, Dim>(rows, count, tile);
-    for (int p = 0; p < count; ++p)
-      for (int a = 0; a < Dim; ++a) rows[p].slope[a] += centre[a][p] * rows[p].value;
   } else {
     gather_rows_by_slopes<Kernel, Dim>(rows, count, tile);
   }
 }
-
-// Adds w value and the slopes times slope[a] to the nodes; spoils the rows.
+// slope[a] = sum of slopes times x.
 template <class Kernel, int Dim, class T>
-void scatter_slopes(ScalarRow<T>* rows, int count, const T (*centre)[chunk_particles], T* tile) {
+void finish_slopes(ScalarRow<T>& r, const T (*centre)[chunk_particles], Index p) {
+  if constexpr (Kernel::has_inertia)
+    for (int a = 0; a < Dim; ++a) r.slope[a] += centre[a][p] * r.value;
+}
+
+// Before scatter_slopes, which adds w value and the slopes times slope[a] to the nodes.
+template <class Kernel, int Dim, class T>
+void prepare_slopes(ScalarRow<T>& r, const T (*centre)[chunk_particles], Index p) {
+  if constexpr (Kernel::has_inertia)
+    for (int a = 0; a < Dim; ++a) r.value += r.slope[a] * centre[a][p];
+}
+template <class Kernel, int Dim, class T>
+void scatter_slopes(const ScalarRow<T>* rows, int count, T* tile) {
   if constexpr (Kernel::has_inertia) {
-    for (int p = 0; p < count; ++p)
-      for (int a = 0; a < Dim; ++a) rows[p].value += rows[p].slope[a] * centre[a][p];
     scatter_rows<Kernel, Dim>(rows, count, tile);
   } else {
     scatter_rows_by_slopes<Kernel, Dim>(rows, count, tile);
@@ -309,14 +316,16 @@ void apply_operator(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
       const Index end = std::min<Index>(begin + chunk_particles, range.end), count = end - begin;
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
-      gather_slopes<Kernel, Dim>(rows.data(), count, centre, in.data);
+      gather_slopes<Kernel, Dim>(rows.data(), count, in.data);
       // The flux k grad x of each particle becomes the slopes of what it scatters, a x its value.
       for (Index p = 0; p < count; ++p) {
         ScalarRow<T>& r = rows[p];
+        finish_slopes<Kernel, Dim>(r, centre, p);
         r.value = columns.reaction ? columns.reaction[begin + p] * r.value : T(0);
         for (int a = 0; a < Dim; ++a) r.slope[a] *= scale2 * columns.conductivity[begin + p];
+        prepare_slopes<Kernel, Dim>(r, centre, p);
       }
-      scatter_slopes<Kernel, Dim>(rows.data(), count, centre, out.data);
+      scatter_slopes<Kernel, Dim>(rows.data(), count, out.data);
     }
     out.scatter_add(grid.topology, range.slot, y);
   }
@@ -343,9 +352,11 @@ void gather(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vecto
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
       if constexpr (WithGradient) {
-        gather_slopes<Kernel, Dim>(rows.data(), end - begin, centre, tile.data);
-        for (Index p = 0; p < end - begin; ++p)
+        gather_slopes<Kernel, Dim>(rows.data(), end - begin, tile.data);
+        for (Index p = 0; p < end - begin; ++p) {
+          finish_slopes<Kernel, Dim>(rows[p], centre, p);
           for (int a = 0; a < Dim; ++a) gradient_storage[a][p] = scale * rows[p].slope[a];
+        }
       } else {
         gather_value_rows<Kernel, Dim>(rows.data(), end - begin, tile.data);
       }
