@@ -18,7 +18,9 @@ using namespace mpm;
 
 namespace {
 
-constexpr Real modulus = 1000, toughness = 30, residual = 0.02;
+constexpr Real modulus = 1000, residual = 0.02;
+// So that the driving term is the same for every length.
+constexpr Real toughness_for(Real length) { return 50 * length; }
 
 template <int Dim>
 std::string list(Real x, Real y, Real z) {
@@ -41,7 +43,7 @@ std::string scene_text(const std::string& phase_field, Real tolerance = 1e-13, R
       "[effect.phase_field]\nlength_scale = {13}\nresidual = {6}\ntolerance = {12}\ncorrected_toughness = "
       "false\n{7}\n"
       "[[effect.phase_field.crack]]\nshape = {{type = \"box\", lower = {8}, upper = {9}}}\n",
-      Dim, lower, upper, modulus, toughness, Dim == 2 ? 4 : 8, residual, phase_field, list<Dim>(2, 0.7, 0),
+      Dim, lower, upper, modulus, toughness_for(length), Dim == 2 ? 4 : 8, residual, phase_field, list<Dim>(2, 0.7, 0),
       list<Dim>(2.3, 2.1, 1.2), Kernel::name, Kernel::has_inertia ? "mls" : "classical", tolerance, length);
 }
 
@@ -125,7 +127,7 @@ std::map<GlobalIndex, Real> dense_step(const GridGeometry<Dim>& geometry,
     const Real J = F.determinant(), kappa = modulus / Dim, mu = modulus / 2, V = J * p.volume;
     Real energy = mu / 2 * (std::pow(J, -2.0 / Dim) * F.squaredNorm() - Dim);
     if (J >= 1) energy += kappa / 2 * ((J * J - 1) / 2 - std::log(J));
-    const Real drive = 4 * length * (1 - residual) * std::max(energy, p.history) / toughness;
+    const Real drive = 4 * length * (1 - residual) * std::max(energy, p.history) / toughness_for(length);
     for (const Term& i : stencils[id]) {
       A(i.row, i.row) += V * i.w * (1 + m + (setting.lumped ? drive : 0));
       b[i.row] += V * i.w * (1 + m * p.phase);

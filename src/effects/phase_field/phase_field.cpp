@@ -12,7 +12,8 @@ namespace mpm {
 
 namespace {
 
-// Entries of the stencil in single precision change c by about 6e-8 (l0/h)^2: the entries of H are (l0/h)^2 times those of M.
+// The entries of H are (l0/h)^2 times those of M, and so is their rounding, which c collects because it never rises: entries in
+// single precision leave 4e-6 after 287 steps of branching_plate_2d at l0 = 8 h, entries in double 1e-7.
 bool single_entries_suffice(double tolerance, double length_in_cells) {
   return tolerance >= 1e-6 * std::max(1.0, length_in_cells * length_in_cells);
 }
