@@ -119,7 +119,7 @@ class PairSums {
     unrolled<pairs>([&](auto k) {
       constexpr int n = Pairs::node(k), m = n + Pairs::offset(k);
       const P product = w[n] * w[m];
-      keep(inner[0][Pairs::lane(k)], reaction * product + conductivity * (g[n] * g[m]));
+      keep(inner[0][Pairs::lane(k)], multiply_add(reaction, product, P(conductivity * (g[n] * g[m]))));
       keep(inner[1][Pairs::lane(k)], conductivity * product);
     });
     for (int i = 0; i < 2; ++i)

@@ -115,6 +115,24 @@ inline S select_less(const S& a, const S& b, const S& x, const S& y) {
   }
 }
 
+// a b + c, rounded once where the machine can. In a sum of two products the compiler chooses which of them is rounded, and not
+// always the same one; this way the result doesn't depend on where it is inlined.
+template <class S>
+inline S multiply_add(const S& a, const S& b, const S& c) {
+  if constexpr (PackTraits<S>::width == 1) {
+    return a * b + c;
+  } else {
+    using Scalar = typename PackTraits<S>::Scalar;
+    using Packet = typename Eigen::internal::find_best_packet<Scalar, PackTraits<S>::width>::type;
+    S out;
+    for (int i = 0; i < PackTraits<S>::width; i += Eigen::internal::unpacket_traits<Packet>::size) {
+      const auto part = [i](const S& s) { return Eigen::internal::pload<Packet>(s.data() + i); };
+      Eigen::internal::pstore(out.data() + i, Eigen::internal::pmadd(part(a), part(b), part(c)));
+    }
+    return out;
+  }
+}
+
 // Whether a > b in no lane; a comparison with NaN is false.
 template <class S>
 inline bool none_above(const S& a, const std::type_identity_t<S>& b) {
