@@ -58,85 +58,93 @@ inline constexpr bool wants_slopes = Kernel::has_inertia && (Form::affine || For
 template <class Form>
 inline constexpr bool wants_derivatives = Form::classical;
 
-// Weighted sums of the node values of one particle's stencil: q = sum w v, a[b] = sum w (n_b - 1) v, products likewise;
-// f[b] = sum v dw/dn_b, f[Dim] = sum w v.
-template <class Kernel, class Form, int Dim, class T>
-void row_stage(FormParticle<Form, T>* particles, int count, const T* tile) {
+// What the nodes of a part of the rows add to the sums of one particle; the first part sets them.
+template <class Kernel, class Form, int Dim, class Part, class T>
+[[gnu::always_inline]] inline void add_part(Part, const T* tile, FormParticle<Form, T>& r) {
   constexpr int side = Tile<Kernel, Dim, T>::side;
-  constexpr bool slopes = wants_slopes<Kernel, Form>, derivatives = wants_derivatives<Form>;
-  using R = Row<T>;
-  const R along = R::spread(Quad<T>{-1, 0, 1, 2});
-  for (int p = 0; p < count; ++p) {
-    FormParticle<Form, T>& r = particles[p];
-    const T* first = tile + r.tile_node * node_values;
-    const R w = R::spread(load_quad(r.w[Dim - 1]));
-    R value = R::zero(), slope_x = value, slope_y = value, product_xy = value, bend_x = value, bend_y = value;
-    unrolled<Kernel::support>([&](auto i) {
-      R plane = R::zero(), tilt = plane, turn = plane;
-      if constexpr (Dim == 2) {
-        plane = R::load(first + i * side * node_values);
-      } else {
-        unrolled<Kernel::support>([&](auto j) {
-          const R row = R::load(first + (i * side + j) * side * node_values);
-          const R weighted = r.w[1][j] * row;
-          plane = plane + weighted;
-          if constexpr (slopes) tilt = add_multiple<j - 1>(tilt, weighted);
-          if constexpr (derivatives) turn = turn + r.g[1][j] * row;
-        });
-      }
-      const R weighted = r.w[0][i] * plane;
-      value = value + weighted;
-      if constexpr (derivatives) bend_x = bend_x + r.g[0][i] * plane;
-      if constexpr (derivatives && Dim == 3) bend_y = bend_y + r.w[0][i] * turn;
-      if constexpr (slopes) slope_x = add_multiple<i - 1>(slope_x, weighted);
-      if constexpr (slopes && Dim == 3) slope_y = slope_y + r.w[0][i] * tilt;
-      if constexpr (Form::modes && Dim == 3) product_xy = add_multiple<i - 1>(product_xy, R(r.w[0][i] * tilt));
-    });
-    if constexpr (derivatives) {
-      const R last = R::spread(load_quad(r.g[Dim - 1])) * value, mean = w * value;
-      if constexpr (Dim == 2) {
-        store_sums(w * bend_x, last, mean, mean, r.f[0]);
-      } else {
-        store_sums(w * bend_x, w * bend_y, last, mean, r.f[0]);
-      }
+  constexpr bool slopes = wants_slopes<Kernel, Form>, derivatives = wants_derivatives<Form>, add = Part::first > 0;
+  using R = typename Part::Row;
+  const auto spread = [](Quad<T> q) __attribute__((always_inline)) { return R::template spread<Part::first>(q); };
+  const R along = spread(Quad<T>{-1, 0, 1, 2});
+  const T* first = tile + (r.tile_node + Part::first) * node_values;
+  const R w = spread(load_quad(r.w[Dim - 1]));
+  R value = R::zero(), slope_x = value, slope_y = value, product_xy = value, bend_x = value, bend_y = value;
+  unrolled<Kernel::support>([&](auto i) __attribute__((always_inline)) {
+    R plane = R::zero(), tilt = plane, turn = plane;
+    if constexpr (Dim == 2) {
+      plane = R::load(first + i * side * node_values);
+    } else {
+      unrolled<Kernel::support>([&](auto j) __attribute__((always_inline)) {
+        const R row = R::load(first + (i * side + j) * side * node_values);
+        const R weighted = r.w[1][j] * row;
+        plane = plane + weighted;
+        if constexpr (slopes) tilt = add_multiple<j - 1>(tilt, weighted);
+        if constexpr (derivatives) turn = turn + r.g[1][j] * row;
+      });
     }
-    if constexpr (slopes) {
-      value = w * value;
-      slope_x = w * slope_x;
-      if constexpr (Dim == 2) {
-        store_sums(value, slope_x, along * value, Form::modes ? along * slope_x : along, r.q);
-      } else {
-        slope_y = w * slope_y;
-        store_sums(value, slope_x, slope_y, along * value, r.q);
-        if constexpr (Form::modes) {
-          product_xy = w * product_xy;
-          store_sums(product_xy, along * slope_x, along * slope_y, along * product_xy, r.products[0]);
-        }
+    const R weighted = r.w[0][i] * plane;
+    value = value + weighted;
+    if constexpr (derivatives) bend_x = bend_x + r.g[0][i] * plane;
+    if constexpr (derivatives && Dim == 3) bend_y = bend_y + r.w[0][i] * turn;
+    if constexpr (slopes) slope_x = add_multiple<i - 1>(slope_x, weighted);
+    if constexpr (slopes && Dim == 3) slope_y = slope_y + r.w[0][i] * tilt;
+    if constexpr (Form::modes && Dim == 3) product_xy = add_multiple<i - 1>(product_xy, R(r.w[0][i] * tilt));
+  });
+  if constexpr (derivatives) {
+    const R last = spread(load_quad(r.g[Dim - 1])) * value, mean = w * value;
+    if constexpr (Dim == 2) {
+      store_sums<add>(w * bend_x, last, mean, mean, r.f[0]);
+    } else {
+      store_sums<add>(w * bend_x, w * bend_y, last, mean, r.f[0]);
+    }
+  }
+  if constexpr (slopes) {
+    value = w * value;
+    slope_x = w * slope_x;
+    if constexpr (Dim == 2) {
+      store_sums<add>(value, slope_x, along * value, Form::modes ? along * slope_x : along, r.q);
+    } else {
+      slope_y = w * slope_y;
+      store_sums<add>(value, slope_x, slope_y, along * value, r.q);
+      if constexpr (Form::modes) {
+        product_xy = w * product_xy;
+        store_sums<add>(product_xy, along * slope_x, along * slope_y, along * product_xy, r.products[0]);
       }
     }
   }
 }
 
+// Weighted sums of the node values of one particle's stencil: q = sum w v, a[b] = sum w (n_b - 1) v, products likewise;
+// f[b] = sum v dw/dn_b, f[Dim] = sum w v.
+template <class Kernel, class Form, int Dim, class T>
+void row_stage(FormParticle<Form, T>* particles, int count, const T* tile) {
+  for (int p = 0; p < count; ++p)
+    for_each_part<T, Kernel::support>([&](auto part) { add_part<Kernel, Form, Dim>(part, tile, particles[p]); });
+}
+
 // carried = sum w (v - v_old), from the tile of the changes.
 template <class Kernel, class Form, int Dim, class T>
 void change_stage(FormParticle<Form, T>* particles, int count, const T* tile) {
-  constexpr int side = Tile<Kernel, Dim, T>::side;
+  constexpr int side = Tile<Kernel, Dim, T>::side, plane_nodes = Dim == 2 ? side : side * side;
   for (int p = 0; p < count; ++p) {
     FormParticle<Form, T>& r = particles[p];
     const T* first = tile + r.tile_node * node_values;
-    Row<T> value = Row<T>::zero();
-    unrolled<Kernel::support>([&](auto i) {
-      Row<T> plane = Row<T>::zero();
-      if constexpr (Dim == 2) {
-        plane = Row<T>::load(first + i * side * node_values);
-      } else {
-        unrolled<Kernel::support>([&](auto j) {
-          plane = plane + r.w[1][j] * Row<T>::load(first + (i * side + j) * side * node_values);
-        });
-      }
-      value = value + r.w[0][i] * plane;
+    Quad<T> sum{};
+    for_each_part<T, Kernel::support>([&](auto part) {
+      using R = typename decltype(part)::Row;
+      R value = R::zero();
+      unrolled<Kernel::support>([&](auto i) {
+        R plane = R::zero();
+        const T* row = first + (i * plane_nodes + part.first) * node_values;
+        if constexpr (Dim == 2) {
+          plane = R::load(row);
+        } else {
+          unrolled<Kernel::support>([&](auto j) { plane = plane + r.w[1][j] * R::load(row + j * side * node_values); });
+        }
+        value = value + r.w[0][i] * plane;
+      });
+      sum += (R::template spread<part.first>(load_quad(r.w[Dim - 1])) * value).sum();
     });
-    const Quad<T> sum = (Row<T>::spread(load_quad(r.w[Dim - 1])) * value).sum();
     std::memcpy(r.carried, &sum, sizeof(sum));
   }
 }

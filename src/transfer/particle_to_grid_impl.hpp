@@ -157,92 +157,99 @@ void lane_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, c
   require_inside(outside);
 }
 
-// tile[row] += the rows of one particle's stencil: weights (x) (values + slopes), plus derivatives (x) f.
-template <class Kernel, class Form, int Dim, class T>
-void row_stage(const FormParticle<Form, T>* particles, int count, T* tile) {
+// tile[row] += a part of the rows of one particle's stencil: weights (x) (values + slopes), plus derivatives (x) f.
+template <class Kernel, class Form, int Dim, class Part, class T>
+[[gnu::always_inline]] inline void add_part(Part, const FormParticle<Form, T>& r, T* tile) {
   constexpr int side = Tile<Kernel, Dim, T>::side;
   constexpr bool sloped = Form::affine || Form::mls;
-  using R = Row<T>;
-  const R along = R::spread(Quad<T>{-1, 0, 1, 2});
-  const auto repeat = [](const T* quad) { return R::repeat(load_quad(quad)); };
+  using R = typename Part::Row;
+  const auto spread = [](Quad<T> q) __attribute__((always_inline)) { return R::template spread<Part::first>(q); };
+  const auto repeat = [](const T* quad) __attribute__((always_inline)) { return R::repeat(load_quad(quad)); };
+  const R along = spread(Quad<T>{-1, 0, 1, 2}), w = spread(load_quad(r.w[Dim - 1]));
+  R centre = repeat(r.q), slope_x = R::zero(), slope_y = slope_x, twist = slope_x;
+  if constexpr (sloped) {
+    centre = centre + along * repeat(r.a[Dim - 1]);
+    slope_x = repeat(r.a[0]);
+    if constexpr (Dim == 3) slope_y = repeat(r.a[1]);
+  }
+  if constexpr (Form::modes) {
+    slope_x = slope_x + along * repeat(r.products[Dim == 2 ? 0 : 1]);
+    if constexpr (Dim == 3) {
+      slope_y = slope_y + along * repeat(r.products[2]);
+      twist = w * (repeat(r.products[0]) + along * repeat(r.products[3]));
+    }
+  }
+  centre = w * centre;
+  slope_x = w * slope_x;
+  slope_y = w * slope_y;
+  R bend_x = R::zero(), bend_y = bend_x;
+  if constexpr (Form::classical) {
+    centre = centre + spread(load_quad(r.g[Dim - 1])) * repeat(r.f[Dim - 1]);
+    bend_x = w * repeat(r.f[0]);
+    if constexpr (Dim == 3) bend_y = w * repeat(r.f[1]);
+  }
+  T* first = tile + (r.tile_node + Part::first) * node_values;
+  unrolled<Kernel::support>([&](auto i) __attribute__((always_inline)) {
+    R plane = centre;
+    if constexpr (sloped) plane = add_multiple<i - 1>(plane, slope_x);
+    if constexpr (Dim == 2) {
+      T* row = first + i * side * node_values;
+      R sum = R::load(row) + r.w[0][i] * plane;
+      if constexpr (Form::classical) sum = sum + r.g[0][i] * bend_x;
+      sum.store(row);
+    } else {
+      plane = r.w[0][i] * plane;
+      R tilt = slope_y, turn = bend_y;
+      if constexpr (Form::modes) tilt = add_multiple<i - 1>(tilt, twist);
+      if constexpr (sloped) tilt = r.w[0][i] * tilt;
+      if constexpr (Form::classical) {
+        plane = plane + r.g[0][i] * bend_x;
+        turn = r.w[0][i] * bend_y;
+      }
+      unrolled<Kernel::support>([&](auto j) __attribute__((always_inline)) {
+        T* row = first + (i * side + j) * side * node_values;
+        R values = plane;
+        if constexpr (sloped) values = add_multiple<j - 1>(plane, tilt);
+        R sum = R::load(row) + r.w[1][j] * values;
+        if constexpr (Form::classical) sum = sum + r.g[1][j] * turn;
+        sum.store(row);
+      });
+    }
+  });
+}
+
+template <class Kernel, class Form, int Dim, class T>
+void row_stage(const FormParticle<Form, T>* particles, int count, T* tile) {
   for (int k = 0; k < count; ++k) {
     // In 2D the few rows of a particle are those of the one before, which would have to wait until they are stored: two
     // streams, half a chunk apart.
     const int p = Dim == 2 ? k % 2 * (count / 2) + k / 2 : k;
-    const FormParticle<Form, T>& r = particles[p];
-    const R w = R::spread(load_quad(r.w[Dim - 1]));
-    R centre = repeat(r.q), slope_x = R::zero(), slope_y = slope_x, twist = slope_x;
-    if constexpr (sloped) {
-      centre = centre + along * repeat(r.a[Dim - 1]);
-      slope_x = repeat(r.a[0]);
-      if constexpr (Dim == 3) slope_y = repeat(r.a[1]);
-    }
-    if constexpr (Form::modes) {
-      slope_x = slope_x + along * repeat(r.products[Dim == 2 ? 0 : 1]);
-      if constexpr (Dim == 3) {
-        slope_y = slope_y + along * repeat(r.products[2]);
-        twist = w * (repeat(r.products[0]) + along * repeat(r.products[3]));
-      }
-    }
-    centre = w * centre;
-    slope_x = w * slope_x;
-    slope_y = w * slope_y;
-    R bend_x = R::zero(), bend_y = bend_x;
-    if constexpr (Form::classical) {
-      centre = centre + R::spread(load_quad(r.g[Dim - 1])) * repeat(r.f[Dim - 1]);
-      bend_x = w * repeat(r.f[0]);
-      if constexpr (Dim == 3) bend_y = w * repeat(r.f[1]);
-    }
-    T* first = tile + r.tile_node * node_values;
-    unrolled<Kernel::support>([&](auto i) {
-      R plane = centre;
-      if constexpr (sloped) plane = add_multiple<i - 1>(plane, slope_x);
-      if constexpr (Dim == 2) {
-        T* row = first + i * side * node_values;
-        R sum = R::load(row) + r.w[0][i] * plane;
-        if constexpr (Form::classical) sum = sum + r.g[0][i] * bend_x;
-        sum.store(row);
-      } else {
-        plane = r.w[0][i] * plane;
-        R tilt = slope_y, turn = bend_y;
-        if constexpr (Form::modes) tilt = add_multiple<i - 1>(tilt, twist);
-        if constexpr (sloped) tilt = r.w[0][i] * tilt;
-        if constexpr (Form::classical) {
-          plane = plane + r.g[0][i] * bend_x;
-          turn = r.w[0][i] * bend_y;
-        }
-        unrolled<Kernel::support>([&](auto j) {
-          T* row = first + (i * side + j) * side * node_values;
-          R values = plane;
-          if constexpr (sloped) values = add_multiple<j - 1>(plane, tilt);
-          R sum = R::load(row) + r.w[1][j] * values;
-          if constexpr (Form::classical) sum = sum + r.g[1][j] * turn;
-          sum.store(row);
-        });
-      }
-    });
+    for_each_part<T, Kernel::support>([&](auto part) { add_part<Kernel, Form, Dim>(part, particles[p], tile); });
   }
 }
 
 // tile[row] += weights (x) carried.
 template <class Kernel, class Form, int Dim, class T>
 void carried_stage(const FormParticle<Form, T>* particles, int count, T* tile) {
-  constexpr int side = Tile<Kernel, Dim, T>::side;
+  constexpr int side = Tile<Kernel, Dim, T>::side, plane_nodes = Dim == 2 ? side : side * side;
   for (int p = 0; p < count; ++p) {
     const FormParticle<Form, T>& r = particles[p];
-    const Row<T> values = Row<T>::spread(load_quad(r.w[Dim - 1])) * Row<T>::repeat(load_quad(r.carried));
-    T* first = tile + r.tile_node * node_values;
-    unrolled<Kernel::support>([&](auto i) {
-      const Row<T> plane = r.w[0][i] * values;
-      if constexpr (Dim == 2) {
-        T* row = first + i * side * node_values;
-        (Row<T>::load(row) + plane).store(row);
-      } else {
-        unrolled<Kernel::support>([&](auto j) {
-          T* row = first + (i * side + j) * side * node_values;
-          (Row<T>::load(row) + r.w[1][j] * plane).store(row);
-        });
-      }
+    for_each_part<T, Kernel::support>([&](auto part) {
+      using R = typename decltype(part)::Row;
+      const R values = R::template spread<part.first>(load_quad(r.w[Dim - 1])) * R::repeat(load_quad(r.carried));
+      T* first = tile + (r.tile_node + part.first) * node_values;
+      unrolled<Kernel::support>([&](auto i) {
+        const R plane = r.w[0][i] * values;
+        T* row = first + i * plane_nodes * node_values;
+        if constexpr (Dim == 2) {
+          (R::load(row) + plane).store(row);
+        } else {
+          unrolled<Kernel::support>([&](auto j) {
+            T* line = row + j * side * node_values;
+            (R::load(line) + r.w[1][j] * plane).store(line);
+          });
+        }
+      });
     });
   }
 }

@@ -1,5 +1,5 @@
-// A row of a tile: four nodes times four values, held in one or two registers of 64 bytes, or in four quads where there are
-// none. GCC's and Clang's vector types keep this portable.
+// A row of a tile: four nodes times four values, in as few registers as the machine has. GCC's and Clang's vector types keep
+// this portable.
 #pragma once
 
 #include <cstring>
@@ -22,138 +22,145 @@ inline Quad<T> load_quad(const T* p) {
   return q;
 }
 
-#ifdef __AVX512F__
-template <class T>
-struct Row;
+// Bytes of the machine's widest register.
+#if defined(__AVX512F__)
+inline constexpr int register_bytes = 64;
+#elif defined(__AVX__)
+inline constexpr int register_bytes = 32;
+#else
+inline constexpr int register_bytes = 16;
+#endif
 
-template <>
-struct Row<double> {
-  using V __attribute__((vector_size(64))) = double;
-  V a, b;
+// Neighbouring nodes of a row: in one register if they fit, or else in two halves, because the compiler takes a shuffle of a
+// vector that is wider than its registers apart number by number.
+template <class T, int Nodes, bool InOne = Nodes == 1 || Nodes * row_values * static_cast<int>(sizeof(T)) <= register_bytes>
+struct RowPart;
 
-  static Row load(const double* p) {
-    Row r;
-    std::memcpy(&r.a, p, 64);
-    std::memcpy(&r.b, p + 8, 64);
-    return r;
-  }
-  void store(double* p) const {
-    std::memcpy(p, &a, 64);
-    std::memcpy(p + 8, &b, 64);
-  }
-  // The same four values at each node.
-  static Row repeat(Quad<double> q) {
-    const V v = __builtin_shufflevector(q, q, 0, 1, 2, 3, 0, 1, 2, 3);
-    return {v, v};
-  }
-  // Value n of q in all values of node n.
-  static Row spread(Quad<double> q) {
-    return {__builtin_shufflevector(q, q, 0, 0, 0, 0, 1, 1, 1, 1), __builtin_shufflevector(q, q, 2, 2, 2, 2, 3, 3, 3, 3)};
-  }
-  static Row zero() { return {V{}, V{}}; }
-  // Sum over the four nodes.
-  Quad<double> sum() const {
-    const V s = a + b;
-    return __builtin_shufflevector(s, s, 0, 1, 2, 3) + __builtin_shufflevector(s, s, 4, 5, 6, 7);
-  }
-  friend Row operator+(Row x, Row y) { return {x.a + y.a, x.b + y.b}; }
-  friend Row operator-(Row x, Row y) { return {x.a - y.a, x.b - y.b}; }
-  friend Row operator*(Row x, Row y) { return {x.a * y.a, x.b * y.b}; }
-  friend Row operator*(double s, Row x) { return {s * x.a, s * x.b}; }
-};
-
-template <>
-struct Row<float> {
-  using V __attribute__((vector_size(64))) = float;
+template <class T, int Nodes>
+struct RowPart<T, Nodes, true> {
+  using V __attribute__((vector_size(Nodes * row_values * sizeof(T)))) = T;
   V a;
 
-  static Row load(const float* p) {
-    Row r;
-    std::memcpy(&r.a, p, 64);
+  static RowPart load(const T* p) {
+    RowPart r;
+    std::memcpy(&r.a, p, sizeof(V));
     return r;
   }
-  void store(float* p) const { std::memcpy(p, &a, 64); }
-  // By doubling, and lane by lane after that: GCC 12 sends a shuffle of four numbers into sixteen through memory.
-  static Row repeat(Quad<float> q) {
-    const auto two = __builtin_shufflevector(q, q, 0, 1, 2, 3, 0, 1, 2, 3);
-    return {__builtin_shufflevector(two, two, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7)};
+  void store(T* p) const { std::memcpy(p, &a, sizeof(V)); }
+  // The same four values at each node. By doubling: GCC 12 sends a shuffle of four numbers into sixteen through memory.
+  static RowPart repeat(Quad<T> q) {
+    if constexpr (Nodes == 1) {
+      return {q};
+    } else {
+      const auto two = __builtin_shufflevector(q, q, 0, 1, 2, 3, 0, 1, 2, 3);
+      if constexpr (Nodes == 2) {
+        return {two};
+      } else {
+        return {__builtin_shufflevector(two, two, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7)};
+      }
+    }
   }
-  static Row spread(Quad<float> q) {
-    const V v = repeat(q).a;
-    return {__builtin_shufflevector(v, v, 0, 0, 0, 0, 5, 5, 5, 5, 10, 10, 10, 10, 15, 15, 15, 15)};
+  // Value First + n of q in all values of node n.
+  template <int First = 0>
+  static RowPart spread(Quad<T> q) {
+    if constexpr (Nodes == 1) {
+      return {__builtin_shufflevector(q, q, First, First, First, First)};
+    } else if constexpr (Nodes == 2 && sizeof(T) == 8) {
+      return {__builtin_shufflevector(q, q, First, First, First, First, First + 1, First + 1, First + 1, First + 1)};
+    } else {
+      const V v = repeat(q).a;
+      if constexpr (Nodes == 2) {
+        return {__builtin_shufflevector(v, v, First, First, First, First, First + 5, First + 5, First + 5, First + 5)};
+      } else {
+        return {__builtin_shufflevector(v, v, 0, 0, 0, 0, 5, 5, 5, 5, 10, 10, 10, 10, 15, 15, 15, 15)};
+      }
+    }
   }
-  static Row zero() { return {V{}}; }
-  Quad<float> sum() const {
-    return __builtin_shufflevector(a, a, 0, 1, 2, 3) + __builtin_shufflevector(a, a, 4, 5, 6, 7) +
-           __builtin_shufflevector(a, a, 8, 9, 10, 11) + __builtin_shufflevector(a, a, 12, 13, 14, 15);
+  static RowPart zero() { return {V{}}; }
+  // Sum over the nodes.
+  Quad<T> sum() const {
+    if constexpr (Nodes == 1) {
+      return a;
+    } else if constexpr (Nodes == 2) {
+      return __builtin_shufflevector(a, a, 0, 1, 2, 3) + __builtin_shufflevector(a, a, 4, 5, 6, 7);
+    } else {
+      return __builtin_shufflevector(a, a, 0, 1, 2, 3) + __builtin_shufflevector(a, a, 4, 5, 6, 7) +
+             __builtin_shufflevector(a, a, 8, 9, 10, 11) + __builtin_shufflevector(a, a, 12, 13, 14, 15);
+    }
   }
-  friend Row operator+(Row x, Row y) { return {x.a + y.a}; }
-  friend Row operator-(Row x, Row y) { return {x.a - y.a}; }
-  friend Row operator*(Row x, Row y) { return {x.a * y.a}; }
-  friend Row operator*(float s, Row x) { return {s * x.a}; }
+  friend RowPart operator+(RowPart x, RowPart y) { return {x.a + y.a}; }
+  friend RowPart operator-(RowPart x, RowPart y) { return {x.a - y.a}; }
+  friend RowPart operator*(RowPart x, RowPart y) { return {x.a * y.a}; }
+  friend RowPart operator*(T s, RowPart x) { return {s * x.a}; }
 };
 
-// The sums over the nodes of four rows, one quad behind the other. The rows are folded into each other, which takes half
-// the shuffles of four sums by themselves.
-inline void store_sums(const Row<double>& r0, const Row<double>& r1, const Row<double>& r2, const Row<double>& r3,
-                       double* out) {
-  using V = Row<double>::V;
-  const V s0 = r0.a + r0.b, s1 = r1.a + r1.b, s2 = r2.a + r2.b, s3 = r3.a + r3.b;
-  const V first = __builtin_shufflevector(s0, s1, 0, 1, 2, 3, 8, 9, 10, 11) +
-                  __builtin_shufflevector(s0, s1, 4, 5, 6, 7, 12, 13, 14, 15);
-  const V second = __builtin_shufflevector(s2, s3, 0, 1, 2, 3, 8, 9, 10, 11) +
-                   __builtin_shufflevector(s2, s3, 4, 5, 6, 7, 12, 13, 14, 15);
-  std::memcpy(out, &first, sizeof(V));
-  std::memcpy(out + 8, &second, sizeof(V));
-}
-inline void store_sums(const Row<float>& r0, const Row<float>& r1, const Row<float>& r2, const Row<float>& r3,
-                       float* out) {
-  using V = Row<float>::V;
-  const auto halves = [](const V& x, const V& y) {  // x0 + x2, x1 + x3, y0 + y2, y1 + y3 by quads
-    return __builtin_shufflevector(x, y, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23) +
-           __builtin_shufflevector(x, y, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
-  };
-  const V x = halves(r0.a, r1.a), y = halves(r2.a, r3.a);
-  const V sum = __builtin_shufflevector(x, y, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27) +
-                __builtin_shufflevector(x, y, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
-  std::memcpy(out, &sum, sizeof(V));
-}
-#else
-// Without registers of 64 bytes a row is four quads: the compiler takes a shuffle of a wider vector apart number by number.
-template <class T>
-struct Row {
-  Quad<T> a, b, c, d;
+template <class T, int Nodes>
+struct RowPart<T, Nodes, false> {
+  using Half = RowPart<T, Nodes / 2>;
+  Half a, b;
 
-  static Row load(const T* p) { return {load_quad(p), load_quad(p + 4), load_quad(p + 8), load_quad(p + 12)}; }
+  static RowPart load(const T* p) { return {Half::load(p), Half::load(p + Nodes / 2 * row_values)}; }
   void store(T* p) const {
-    std::memcpy(p, &a, sizeof(a));
-    std::memcpy(p + 4, &b, sizeof(b));
-    std::memcpy(p + 8, &c, sizeof(c));
-    std::memcpy(p + 12, &d, sizeof(d));
+    a.store(p);
+    b.store(p + Nodes / 2 * row_values);
   }
-  // The same four values at each node.
-  static Row repeat(Quad<T> q) { return {q, q, q, q}; }
-  // Value n of q in all values of node n.
-  static Row spread(Quad<T> q) {
-    return {__builtin_shufflevector(q, q, 0, 0, 0, 0), __builtin_shufflevector(q, q, 1, 1, 1, 1),
-            __builtin_shufflevector(q, q, 2, 2, 2, 2), __builtin_shufflevector(q, q, 3, 3, 3, 3)};
+  static RowPart repeat(Quad<T> q) {
+    const Half half = Half::repeat(q);
+    return {half, half};
   }
-  static Row zero() { return {Quad<T>{}, Quad<T>{}, Quad<T>{}, Quad<T>{}}; }
-  // Sum over the four nodes.
-  Quad<T> sum() const { return (a + b) + (c + d); }
-  friend Row operator+(const Row& x, const Row& y) { return {x.a + y.a, x.b + y.b, x.c + y.c, x.d + y.d}; }
-  friend Row operator-(const Row& x, const Row& y) { return {x.a - y.a, x.b - y.b, x.c - y.c, x.d - y.d}; }
-  friend Row operator*(const Row& x, const Row& y) { return {x.a * y.a, x.b * y.b, x.c * y.c, x.d * y.d}; }
-  friend Row operator*(T s, const Row& x) { return {s * x.a, s * x.b, s * x.c, s * x.d}; }
+  template <int First = 0>
+  static RowPart spread(Quad<T> q) {
+    return {Half::template spread<First>(q), Half::template spread<First + Nodes / 2>(q)};
+  }
+  static RowPart zero() { return {Half::zero(), Half::zero()}; }
+  Quad<T> sum() const { return (a + b).sum(); }
+  friend RowPart operator+(const RowPart& x, const RowPart& y) { return {x.a + y.a, x.b + y.b}; }
+  friend RowPart operator-(const RowPart& x, const RowPart& y) { return {x.a - y.a, x.b - y.b}; }
+  friend RowPart operator*(const RowPart& x, const RowPart& y) { return {x.a * y.a, x.b * y.b}; }
+  friend RowPart operator*(T s, const RowPart& x) { return {s * x.a, s * x.b}; }
 };
 
-// The sums over the nodes of four rows, one quad behind the other.
 template <class T>
-inline void store_sums(const Row<T>& r0, const Row<T>& r1, const Row<T>& r2, const Row<T>& r3, T* out) {
-  const Quad<T> sums[4] = {r0.sum(), r1.sum(), r2.sum(), r3.sum()};
-  std::memcpy(out, sums, sizeof(sums));
+using Row = RowPart<T, row_nodes>;
+
+// out = the sums over the nodes of four rows, one quad behind the other, or with Add out += these. The rows are folded into
+// each other, which takes half the shuffles of four sums by themselves.
+template <bool Add = false, class T, int Nodes, bool InOne>
+inline void store_sums(const RowPart<T, Nodes, InOne>& r0, const RowPart<T, Nodes, InOne>& r1,
+                       const RowPart<T, Nodes, InOne>& r2, const RowPart<T, Nodes, InOne>& r3, T* out) {
+  const auto put = [](auto sum, T* to) {
+    decltype(sum) before;
+    if constexpr (Add) {
+      std::memcpy(&before, to, sizeof(before));
+      sum = sum + before;
+    }
+    std::memcpy(to, &sum, sizeof(sum));
+  };
+  if constexpr (!InOne) {
+    store_sums<Add>(r0.a + r0.b, r1.a + r1.b, r2.a + r2.b, r3.a + r3.b, out);
+  } else if constexpr (Nodes == 1) {
+    put(r0.a, out);
+    put(r1.a, out + 4);
+    put(r2.a, out + 8);
+    put(r3.a, out + 12);
+  } else if constexpr (Nodes == 2) {
+    const auto pair = [](const auto& x, const auto& y) {
+      return __builtin_shufflevector(x, y, 0, 1, 2, 3, 8, 9, 10, 11) +
+             __builtin_shufflevector(x, y, 4, 5, 6, 7, 12, 13, 14, 15);
+    };
+    put(pair(r0.a, r1.a), out);
+    put(pair(r2.a, r3.a), out + 8);
+  } else {
+    const auto halves = [](const auto& x, const auto& y) {  // x0 + x2, x1 + x3, y0 + y2, y1 + y3 by quads
+      return __builtin_shufflevector(x, y, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23) +
+             __builtin_shufflevector(x, y, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
+    };
+    const auto x = halves(r0.a, r1.a), y = halves(r2.a, r3.a);
+    put(__builtin_shufflevector(x, y, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27) +
+            __builtin_shufflevector(x, y, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31),
+        out);
+  }
 }
-#endif
 
 // f(integral_constant<0>) ... f(integral_constant<N - 1>), written out: what depends on the number is decided when compiled.
 template <int N, class F>
@@ -161,6 +168,25 @@ inline void unrolled(F&& f) {
   [&f]<int... I>(std::integer_sequence<int, I...>) {
     (f(std::integral_constant<int, I>()), ...);
   }(std::make_integer_sequence<int, N>());
+}
+
+// Calls f(part) for the parts in which a row stage should go through the nodes of a stencil: all at once where a row takes no
+// more than two registers, or else two nodes (and the last one), so that all sums of a particle stay in sixteen registers.
+// part: first, the number of its first node, and Row, its type.
+template <class T, int First, int Nodes>
+struct StencilPart {
+  static constexpr int first = First;
+  using Row = RowPart<T, Nodes>;
+};
+template <class T, int Support, int First = 0, class F>
+inline void for_each_part(F&& f) {
+  if constexpr (row_nodes * row_values * static_cast<int>(sizeof(T)) <= 2 * register_bytes) {
+    f(StencilPart<T, 0, row_nodes>());
+  } else if constexpr (First < Support) {
+    constexpr int nodes = Support - First < 2 ? 1 : 2;
+    f(StencilPart<T, First, nodes>());
+    for_each_part<T, Support, First + nodes>(f);
+  }
 }
 
 // sum + factor x for the small whole factors of a stencil, of which most are 0 or 1: the compiler may not leave out 0 x.
@@ -208,6 +234,29 @@ inline V each_second(const V& a, const V& b, std::integer_sequence<int, I...>) {
   return __builtin_shufflevector(a, b, (I % (W / 2) * 2 + First + (I < W / 2 ? 0 : W))...);
 }
 
+// Transposes four registers of 32 bytes: four by four numbers in double, in single those of each half by themselves.
+template <class T>
+using HalfLine __attribute__((vector_size(32))) = T;
+inline void transpose(HalfLine<double>* v) {
+  const auto ab = __builtin_shufflevector(v[0], v[1], 0, 4, 2, 6), ab1 = __builtin_shufflevector(v[0], v[1], 1, 5, 3, 7),
+             cd = __builtin_shufflevector(v[2], v[3], 0, 4, 2, 6), cd1 = __builtin_shufflevector(v[2], v[3], 1, 5, 3, 7);
+  v[0] = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
+  v[1] = __builtin_shufflevector(ab1, cd1, 0, 1, 4, 5);
+  v[2] = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+  v[3] = __builtin_shufflevector(ab1, cd1, 2, 3, 6, 7);
+}
+inline void transpose(HalfLine<float>* v) {
+  const auto low = [](const auto& x, const auto& y) { return __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13); };
+  const auto high = [](const auto& x, const auto& y) { return __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15); };
+  const auto even = [](const auto& x, const auto& y) { return __builtin_shufflevector(x, y, 0, 1, 8, 9, 4, 5, 12, 13); };
+  const auto odd = [](const auto& x, const auto& y) { return __builtin_shufflevector(x, y, 2, 3, 10, 11, 6, 7, 14, 15); };
+  const HalfLine<float> ab = low(v[0], v[1]), ab2 = high(v[0], v[1]), cd = low(v[2], v[3]), cd2 = high(v[2], v[3]);
+  v[0] = even(ab, cd);
+  v[1] = odd(ab, cd);
+  v[2] = even(ab2, cd2);
+  v[3] = odd(ab2, cd2);
+}
+
 }  // namespace detail
 
 // Four packs of W numbers become W quads, quad l made of the lanes l, the one after the other `stride` numbers apart: from
@@ -231,6 +280,26 @@ inline void packs_to_quads(const T* a, const T* b, const T* c, const T* d, T* qu
   for (int n = 0; n < 4; ++n)
     for (int l = 0; l < W / 4; ++l)
       std::memcpy(quads + (n * (W / 4) + l) * stride, reinterpret_cast<const T*>(&q[n]) + 4 * l, 4 * sizeof(T));
+#elif defined(__AVX__)
+  constexpr int wide = 32 / sizeof(T);
+  for (int first = 0; first < W; first += wide) {
+    detail::HalfLine<T> v[4];
+    std::memcpy(&v[0], a + first, 32);
+    std::memcpy(&v[1], b + first, 32);
+    std::memcpy(&v[2], c + first, 32);
+    std::memcpy(&v[3], d + first, 32);
+    detail::transpose(v);
+    for (int l = 0; l < 4; ++l) {
+      if constexpr (wide == 4) {
+        std::memcpy(quads + (first + l) * stride, &v[l], 32);
+      } else {
+        const Quad<T> low = __builtin_shufflevector(v[l], v[l], 0, 1, 2, 3),
+                      high = __builtin_shufflevector(v[l], v[l], 4, 5, 6, 7);
+        std::memcpy(quads + (first + l) * stride, &low, 16);
+        std::memcpy(quads + (first + 4 + l) * stride, &high, 16);
+      }
+    }
+  }
 #else
   for (int l = 0; l < W; ++l) {
     const Quad<T> q{a[l], b[l], c[l], d[l]};
@@ -258,6 +327,24 @@ inline void quads_to_packs(const T* quads, int stride, T* a, T* b, T* c, T* d) {
   std::memcpy(b, &packs[1], sizeof(V));
   std::memcpy(c, &packs[2], sizeof(V));
   std::memcpy(d, &packs[3], sizeof(V));
+#elif defined(__AVX__)
+  constexpr int wide = 32 / sizeof(T);
+  for (int first = 0; first < W; first += wide) {
+    detail::HalfLine<T> v[4];
+    for (int l = 0; l < 4; ++l) {
+      const T* q = quads + (first + l) * stride;
+      if constexpr (wide == 4) {
+        v[l] = load_quad(q);
+      } else {
+        v[l] = __builtin_shufflevector(load_quad(q), load_quad(q + 4 * stride), 0, 1, 2, 3, 4, 5, 6, 7);
+      }
+    }
+    detail::transpose(v);
+    std::memcpy(a + first, &v[0], 32);
+    std::memcpy(b + first, &v[1], 32);
+    std::memcpy(c + first, &v[2], 32);
+    std::memcpy(d + first, &v[3], 32);
+  }
 #else
   for (int l = 0; l < W; ++l) {
     a[l] = quads[l * stride];

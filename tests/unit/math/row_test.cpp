@@ -39,6 +39,67 @@ void expect_sums() {
   }
 }
 
+// Nodes First, First + 1, ... of a row by themselves, against the row as numbers.
+template <class T, int First, int Nodes>
+void expect_part() {
+  using Part = RowPart<T, Nodes>;
+  alignas(64) T row[4][16], sums[16], out[16];
+  for (int r = 0; r < 4; ++r)
+    for (int i = 0; i < 16; ++i) row[r][i] = static_cast<T>((5 * r + 3 * i * i) % 32 - 7);
+  const auto load = [&row](int r) { return Part::load(row[r] + 4 * First); };
+  const Quad<T> quad{2, -3, 5, 7};
+  (Part::template spread<First>(quad) * load(0) + T(4) * Part::repeat(quad) - load(1)).store(out);
+  for (int n = 0; n < Nodes; ++n)
+    for (int c = 0; c < 4; ++c)
+      EXPECT_EQ(out[4 * n + c], quad[First + n] * row[0][4 * (First + n) + c] + 4 * quad[c] - row[1][4 * (First + n) + c]);
+  std::fill_n(sums, 16, T(100));
+  store_sums<true>(load(0), load(1), load(2), load(3), sums);
+  store_sums(load(3), load(2), load(1), load(0), out);
+  for (int r = 0; r < 4; ++r)
+    for (int c = 0; c < 4; ++c) {
+      T sum = 0;
+      for (int n = First; n < First + Nodes; ++n) sum += row[r][4 * n + c];
+      EXPECT_EQ(sums[4 * r + c], 100 + sum);
+      EXPECT_EQ(out[4 * (3 - r) + c], sum);
+      EXPECT_EQ(load(r).sum()[c], sum);
+    }
+}
+template <class T>
+void expect_parts() {
+  expect_part<T, 0, 4>();
+  expect_part<T, 0, 2>();
+  expect_part<T, 2, 2>();
+  expect_part<T, 0, 1>();
+  expect_part<T, 2, 1>();
+}
+
+TEST(Row, Parts) {
+  expect_parts<double>();
+  expect_parts<float>();
+}
+
+TEST(Row, PartsOfAStencilAreAllItsNodesOnce) {
+  const auto nodes = []<class T, int Support>(T, std::integral_constant<int, Support>) {
+    int next = 0;
+    for_each_part<T, Support>([&next](auto part) {
+      EXPECT_EQ(part.first, next);
+      next += static_cast<int>(sizeof(typename decltype(part)::Row) / sizeof(Quad<T>));
+    });
+    return next;
+  };
+  // Nodes behind the support have no weight.
+  const auto enough = [&](auto zero, auto support) {
+    EXPECT_GE(nodes(zero, support), support);
+    EXPECT_LE(nodes(zero, support), row_nodes);
+  };
+  enough(0.0, std::integral_constant<int, 2>());
+  enough(0.0, std::integral_constant<int, 3>());
+  enough(0.0, std::integral_constant<int, 4>());
+  enough(0.0f, std::integral_constant<int, 2>());
+  enough(0.0f, std::integral_constant<int, 3>());
+  enough(0.0f, std::integral_constant<int, 4>());
+}
+
 TEST(Row, PacksBecomeQuadsAndBack) {
   expect_transposes<double>();
   expect_transposes<float>();
