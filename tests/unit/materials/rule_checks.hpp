@@ -119,7 +119,9 @@ DruckerPragerErrors drucker_prager_errors(bool plane_strain) {
       raise(worst.tip, shear);
     } else if (deviator_of<Dim>(tau).norm() <= a * Dim * (p + tip)) {
       ++worst.within;
-      raise(worst.inside, (after - tau).norm());
+      // Of the stretches: the stress of the same stretches may be rounded in two ways at two places.
+      for (std::size_t k = 0; k < trial.size(); ++k)
+        worst.inside = std::max(worst.inside, std::abs(out.s[k] - trial[k]));
     } else {
       ++worst.on_cone;
       raise(worst.cone, p_after - p);
