@@ -4,6 +4,7 @@
 
 #include "mpm_hpc/math/bspline.hpp"
 #include "mpm_hpc/math/row.hpp"
+#include "mpm_hpc/math/simd.hpp"
 #include "mpm_hpc/transfer/operator_stencil.hpp"
 
 namespace mpm {
@@ -45,14 +46,9 @@ class ProductTile {
   }
 
  private:
-#ifdef __AVX512F__
-  static constexpr int lanes = 64 / sizeof(T);
-#else
-  static constexpr int lanes = 32 / sizeof(T);
-#endif
+  static constexpr int lanes = register_bytes / sizeof(T);
   static_assert(sheet_nodes % lanes == 0);
   using V __attribute__((vector_size(lanes * sizeof(T)))) = T;
-  using EntryLanes __attribute__((vector_size(lanes * sizeof(E)))) = E;
 
   // First nodes of the tile's rows. Where there is no block behind there are no entries either: any node will do, since it is
   // multiplied by 0 and gets 0.
@@ -102,11 +98,7 @@ class ProductTile {
     return v;
   }
 
-  static V load_entries(const E* p) {
-    EntryLanes entries;
-    std::memcpy(&entries, p, sizeof(entries));
-    return __builtin_convertvector(entries, V);
-  }
+  static V load_entries(const E* p) { return detail::load_converted<lanes, T>(p); }
 
   // All boxes from some nodes of sheet h. A box joins each of its corners with the opposite one.
   void multiply(const E* entries, const E* later, int h, int n) {

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 namespace mpm {
 
@@ -44,16 +45,40 @@ inline constexpr int register_width = std::min<int>(
     Width,
     Eigen::internal::unpacket_traits<typename Eigen::internal::find_best_packet<T, Width>::type>::size);
 
+// A vector's numbers in another type. Written number by number, which GCC 12 makes one instruction of; __builtin_convertvector
+// is three to five where the numbers become wider.
+template <class To, class From, int... I>
+inline NativeVector<To, sizeof...(I)> converted(const NativeVector<From, sizeof...(I)>& v, std::integer_sequence<int, I...>) {
+  return NativeVector<To, sizeof...(I)>{static_cast<To>(v[I])...};
+}
+template <int Width, class To, class From>
+inline NativeVector<To, Width> load_converted(const From* from) {
+  NativeVector<From, Width> raw;
+  std::memcpy(&raw, from, sizeof(raw));
+  return converted<To, From>(raw, std::make_integer_sequence<int, Width>());
+}
+
 // Converts Width numbers, a register at a time.
 template <int Width, class From, class To>
 inline void convert(const From* from, To* to) {
   constexpr int step = std::min(register_width<From, Width>, register_width<To, Width>);
   for (int i = 0; i < Width; i += step) {
-    NativeVector<From, step> raw;
-    std::memcpy(&raw, from + i, sizeof(raw));
-    const auto converted = __builtin_convertvector(raw, NativeVector<To, step>);
-    std::memcpy(to + i, &converted, sizeof(converted));
+    const auto part = load_converted<step, To>(from + i);
+    std::memcpy(to + i, &part, sizeof(part));
   }
+}
+
+// f of the registers of some packs, register by register, where f takes and returns Eigen's packets.
+template <class F, class S, class... More>
+inline S by_register(F&& f, const S& first, const More&... more) {
+  constexpr int width = PackTraits<S>::width;
+  using Packet = typename Eigen::internal::find_best_packet<typename PackTraits<S>::Scalar, width>::type;
+  S out;
+  for (int i = 0; i < width; i += Eigen::internal::unpacket_traits<Packet>::size) {
+    const auto part = [i](const S& s) { return Eigen::internal::pload<Packet>(s.data() + i); };
+    Eigen::internal::pstore(out.data() + i, f(part(first), part(more)...));
+  }
+  return out;
 }
 
 }  // namespace detail
@@ -103,15 +128,11 @@ inline S select_less(const S& a, const S& b, const S& x, const S& y) {
   if constexpr (PackTraits<S>::width == 1) {
     return a < b ? x : y;
   } else {
-    using Scalar = typename PackTraits<S>::Scalar;
-    using Packet = typename Eigen::internal::find_best_packet<Scalar, PackTraits<S>::width>::type;
-    S out;
-    for (int i = 0; i < PackTraits<S>::width; i += Eigen::internal::unpacket_traits<Packet>::size) {
-      const auto part = [i](const S& s) { return Eigen::internal::pload<Packet>(s.data() + i); };
-      const Packet less = Eigen::internal::pcmp_lt(part(a), part(b));
-      Eigen::internal::pstore(out.data() + i, Eigen::internal::pselect(less, part(x), part(y)));
-    }
-    return out;
+    return detail::by_register(
+        [](const auto& pa, const auto& pb, const auto& px, const auto& py) {
+          return Eigen::internal::pselect(Eigen::internal::pcmp_lt(pa, pb), px, py);
+        },
+        a, b, x, y);
   }
 }
 
@@ -122,14 +143,8 @@ inline S multiply_add(const S& a, const S& b, const S& c) {
   if constexpr (PackTraits<S>::width == 1) {
     return a * b + c;
   } else {
-    using Scalar = typename PackTraits<S>::Scalar;
-    using Packet = typename Eigen::internal::find_best_packet<Scalar, PackTraits<S>::width>::type;
-    S out;
-    for (int i = 0; i < PackTraits<S>::width; i += Eigen::internal::unpacket_traits<Packet>::size) {
-      const auto part = [i](const S& s) { return Eigen::internal::pload<Packet>(s.data() + i); };
-      Eigen::internal::pstore(out.data() + i, Eigen::internal::pmadd(part(a), part(b), part(c)));
-    }
-    return out;
+    return detail::by_register(
+        [](const auto& pa, const auto& pb, const auto& pc) { return Eigen::internal::pmadd(pa, pb, pc); }, a, b, c);
   }
 }
 
