@@ -1,6 +1,8 @@
 // The sums of one cell's particles over the pairs of its nodes, kept in registers while the particles pass.
 #pragma once
 
+#include <array>
+
 #include "mpm_hpc/fields/body.hpp"
 #include "stencil_tile.hpp"
 
@@ -15,14 +17,6 @@ struct CellParticles {
   const T* q[node_values];  // the scattered values
 };
 
-// A row of nodes with one value each, as Row is one with four.
-template <class T>
-struct ScalarLine {
-  Quad<T> q;
-  friend ScalarLine operator+(ScalarLine x, ScalarLine y) { return {x.q + y.q}; }
-  friend ScalarLine operator*(T s, ScalarLine x) { return {s * x.q}; }
-};
-
 // A particle's entries are the outer product of factors over the pairs of nodes in each direction: with W = w_n w_m and
 // K = g_n g_m by direction, g_n the slopes of ScalarSlopes,
 //   A = W_x (W_y I + K_y k W_z) + K_x W_y k W_z with I = a W_z + k K_z,  in 2D A = W_x I + K_x k W_z.
@@ -32,7 +26,6 @@ template <class Kernel, int Dim, class T, int Values, class E>
 class PairSums {
  public:
   using Pairs = PairLanes<Kernel, E>;
-  using Line = std::conditional_t<Values == 1, ScalarLine<T>, Row<T>>;  // a row of nodes
   static constexpr int pairs = Pairs::pairs, last = Dim - 1;
 
   // Before the first cell of a batch.
@@ -50,8 +43,10 @@ class PairSums {
       for (; ready_ < group_end; ready_ += W) find_factors();
       add_values(begin, group_end, values.data + tile_node * Values);
       const int z = tile_node % side, row = tile_node / side;
-      for (int p = 0; p < (Dim == 2 ? 1 : pairs); p += lines * at_once)
-        for (int part = 0; part < parts; ++part) add_stencil(p, part, begin, group_end, stencil, row, z);
+      V slopes[columns * free_pairs];
+      for (int c = 0; c < columns; c += slopes_at_once) sum_slopes(c, begin, group_end, slopes + c * free_pairs);
+      for (int c = 0; c < columns; c += sums_at_once)
+        add_stencil(c, begin, group_end, slopes + c * free_pairs, stencil.at(row, 0, z));
     }
   }
 
@@ -59,17 +54,36 @@ class PairSums {
   static constexpr int W = pack_width<T>;
   static constexpr int kept = 64;                       // particles whose factors are known
   static constexpr int group_particles = kept - 2 * W;  // whatever its place, a group is known as a whole
+
+  // The sums are products of matrices: a particle's factors, each in all lanes, times its lines. As many columns (or rows)
+  // are taken at once as leave registers for one side of the product and a number of the other.
+  static constexpr int most_at_once(int of, int each) {
+    int most = 1;
+    for (int n = 1; n <= of; ++n)
+      if (of % n == 0 && n * each + std::min(n, each) + 1 <= register_count) most = n;
+    return most;
+  }
+
+  // Of the values: registers of a row of nodes, and rows.
+  static constexpr int row_numbers = row_nodes * Values;
+  static constexpr int value_lanes = std::min<int>(row_numbers, register_bytes / sizeof(T));
+  static constexpr int row_registers = (Kernel::support * Values + value_lanes - 1) / value_lanes;
+  static constexpr int value_rows = Dim == 2 ? Kernel::support : Kernel::support * Kernel::support;
+  static constexpr int rows_at_once = most_at_once(value_rows, row_registers);
+  using ValueLanes __attribute__((vector_size(value_lanes * sizeof(T)))) = T;
+
   // A register holds the line of a pair of the first two directions, two such lines, or part of one.
   static constexpr int width = Pairs::width;
-  static constexpr int lanes = std::min<int>(widest_register / sizeof(E), Dim == 3 && pairs % 2 == 0 ? 2 * width : width);
+  static constexpr int lanes = std::min<int>(register_bytes / sizeof(E), Dim == 3 && pairs % 2 == 0 ? 2 * width : width);
   static constexpr int lines = std::max(1, lanes / width), parts = std::max(1, width / lanes);
+  static constexpr int columns = parts * (Dim == 2 ? 1 : pairs / lines);  // registers of a pair of the first direction
   using V __attribute__((vector_size(lanes * sizeof(E)))) = E;
   using Half __attribute__((vector_size(lanes * sizeof(E) / 2))) = E;
   // The slopes sum up to 0. So in the first direction K is summed for the pairs without node 1 only, and the sums of
   // the others follow once per cell.
   static constexpr int free_pairs = (Kernel::support - 1) * Kernel::support / 2;
-  // Registers of lines that are summed at once, so that the sums fit the registers that there are.
-  static constexpr int at_once = Dim == 2 || pairs % (2 * lines) != 0 || 2 * (pairs + free_pairs) > registers ? 1 : 2;
+  static constexpr int sums_at_once = most_at_once(columns, pairs),
+                       slopes_at_once = most_at_once(columns, free_pairs);
   static constexpr bool is_free(int pair) {
     return Pairs::node(pair) != 1 && Pairs::node(pair) + Pairs::offset(pair) != 1;
   }
@@ -79,22 +93,32 @@ class PairSums {
     for (int k = 0; k < pair; ++k) count += is_free(k);
     return count;
   }
-  struct alignas(64) Factors {
-    E w[last][pairs][W], k[last][pairs][W];  // of k[0] the first free_pairs
-    alignas(64) T weight[last][Kernel::support][W];
-  };
-  static int lane(int i) { return i % W; }
-  const Factors& factors(int i) const { return factors_[i % kept / W]; }
+  // Factors of direction a are the numbers from w_of(a) and k_of(a) on; of k_of(0) there are the free pairs only.
+  static constexpr int factors = 2 * last * pairs;
+  static constexpr int w_of(int a) { return 2 * a * pairs; }
+  static constexpr int k_of(int a) { return w_of(a) + pairs; }
+  // Particle i's first number where packs of particles have that many. Number n is n * W further on.
+  template <int Numbers>
+  static int first_number(int i) {
+    static constexpr auto places = [] {
+      std::array<int, kept> place{};
+      for (int k = 0; k < kept; ++k) place[k] = k / W * Numbers * W + k % W;
+      return place;
+    }();
+    return places[i % kept];
+  }
+  const E* factors_of(int i) const { return factors_[0][0] + first_number<factors>(i); }
 
   void find_factors() {
     using S = Pack<T>;
     using P = Eigen::Array<E, W, 1>;
     constexpr int support = Kernel::support;
-    Factors& f = factors_[ready_ % kept / W];
-    S weights[support];
+    const int pack = ready_ % kept / W;
+    const auto f = factors_[pack];
+    S weights[Dim][support];
     P w[support], g[support];
     const auto find = [&](int a) {
-      Kernel::weights(S(static_cast<T>(1) - load<S>(particles_.centre[a] + ready_)), weights);
+      Kernel::weights(S(static_cast<T>(1) - load<S>(particles_.centre[a] + ready_)), weights[a]);
       const P centre = load<P>(particles_.centre[a] + ready_);
       Kernel::weights(P(static_cast<E>(1) - centre), w);
       ScalarSlopes<Kernel>::template of<E>(centre, w, g);
@@ -102,18 +126,19 @@ class PairSums {
     const auto keep = [](E* to, const P& factor) { std::memcpy(to, factor.data(), W * sizeof(E)); };
     for (int a = 0; a < last; ++a) {
       find(a);
-      for (int n = 0; n < support; ++n) store(f.weight[a][n], weights[n]);
       unrolled<pairs>([&](auto k) {
         constexpr int n = Pairs::node(k), m = n + Pairs::offset(k);
-        keep(f.w[a][k], w[n] * w[m]);
+        keep(f[w_of(a) + k], w[n] * w[m]);
         if (a > 0) {
-          keep(f.k[a][k], g[n] * g[m]);
+          keep(f[k_of(a) + k], g[n] * g[m]);
         } else if constexpr (is_free(k)) {
-          keep(f.k[0][free_before(k)], g[n] * g[m]);
+          keep(f[k_of(0) + free_before(k)], g[n] * g[m]);
         }
       });
     }
     find(last);
+    for (int n = 0; n < value_rows; ++n)
+      store(weights_[pack][n], Dim == 2 ? weights[0][n] : S(weights[0][n / support] * weights[1][n % support]));
     alignas(64) E inner[2][width][W] = {};
     const P conductivity = load<P>(particles_.conductivity + ready_), reaction = load<P>(particles_.reaction + ready_);
     unrolled<pairs>([&](auto k) {
@@ -128,54 +153,46 @@ class PairSums {
                              inner_[ready_ % kept][i] + l, 2 * width);
     alignas(64) T weight[4][W] = {};
     if constexpr (Values == 1) {
-      for (int n = 0; n < support; ++n) store(weight[n], S(load<S>(particles_.q[0] + ready_) * weights[n]));
-      packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3],
-                           reinterpret_cast<T*>(row_ + ready_ % kept), 4);
+      for (int n = 0; n < support; ++n) store(weight[n], S(load<S>(particles_.q[0] + ready_) * weights[last][n]));
+      packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], row_[ready_ % kept], 4);
     } else {
-      for (int n = 0; n < support; ++n) store(weight[n], weights[n]);
+      for (int n = 0; n < support; ++n) store(weight[n], weights[last][n]);
       alignas(64) T along[W][4], q[W][4];
       packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], along[0], 4);
       packs_to_quads<T, W>(particles_.q[0] + ready_, particles_.q[1] + ready_, particles_.q[2] + ready_,
                            particles_.q[3] + ready_, q[0], 4);
       for (int l = 0; l < W; ++l)
-        row_[ready_ % kept + l] = Row<T>::spread(load_quad(along[l])) * Row<T>::repeat(load_quad(q[l]));
+        (Row<T>::spread(load_quad(along[l])) * Row<T>::repeat(load_quad(q[l]))).store(row_[ready_ % kept + l]);
     }
   }
 
   void add_values(int begin, int end, T* first) {
-    constexpr int side = Tile<Kernel, Dim, T>::side, support = Kernel::support,
-                  columns = Dim == 2 ? 1 : support;
-    Line sum[support * columns];
+    constexpr int side = Tile<Kernel, Dim, T>::side, support = Kernel::support;
+    for (int n = 0; n < value_rows; n += rows_at_once) {
+      ValueLanes sum[rows_at_once * row_registers];
+      const auto row = [first, n](int m) {
+        return first + (Dim == 2 ? n + m : (n + m) / support * side + (n + m) % support) * side * Values;
+      };
+#pragma GCC unroll 32
+      for (int k = 0; k < rows_at_once * row_registers; ++k)
+        std::memcpy(&sum[k], row(k / row_registers) + k % row_registers * value_lanes, sizeof(ValueLanes));
+      for (int i = begin; i < end; ++i) {
+        const T *weight = weights_[0][n] + first_number<value_rows>(i), *values = row_[i % kept];
+        ValueLanes line[row_registers];
+#pragma GCC unroll 4
+        for (int r = 0; r < row_registers; ++r) std::memcpy(&line[r], values + r * value_lanes, sizeof(ValueLanes));
 #pragma GCC unroll 16
-    for (int n = 0; n < support * columns; ++n) std::memset(&sum[n], 0, sizeof(Line));
-    for (int i = begin; i < end; ++i) {
-      const Line values = row_[i % kept];
-      const Factors& f = factors(i);
-      const int l = lane(i);
+        for (int m = 0; m < rows_at_once; ++m)
 #pragma GCC unroll 4
-      for (int n = 0; n < support; ++n) {
-        const Line plane = f.weight[0][n][l] * values;
-#pragma GCC unroll 4
-        for (int m = 0; m < columns; ++m) {
-          if constexpr (Dim == 2) {
-            sum[n] = sum[n] + plane;
-          } else {
-            sum[n * columns + m] = sum[n * columns + m] + f.weight[1][m][l] * plane;
-          }
-        }
+          for (int r = 0; r < row_registers; ++r) sum[m * row_registers + r] += weight[m * W] * line[r];
       }
-    }
-#pragma GCC unroll 16
-    for (int n = 0; n < support * columns; ++n) {
-      T* row = first + (Dim == 2 ? n : n / columns * side + n % columns) * side * Values;
-      Line old;
-      std::memcpy(&old, row, sizeof(Line));
-      old = old + sum[n];
-      std::memcpy(row, &old, sizeof(Line));
+#pragma GCC unroll 32
+      for (int k = 0; k < rows_at_once * row_registers; ++k)
+        std::memcpy(row(k / row_registers) + k % row_registers * value_lanes, &sum[k], sizeof(ValueLanes));
     }
   }
 
-  // The particle's line, in all lines of the register, or the part of it.
+  // A particle's line, in all lines of the register, or the part of it.
   static V line_of(const E* line, int part) {
     V v;
     if constexpr (lines == 2) {
@@ -192,13 +209,77 @@ class PairSums {
       return __builtin_shufflevector(a, b, L...);
     }(std::make_integer_sequence<int, lanes>());
   }
-  // A particle's factor of pair y of the second direction (and of the next one) in all lanes of its line.
-  static V factor_of(const E (*of_pairs)[W], int y, int l) {
+  // A line times a particle's factor of pair y of the second direction (and of the next one, in the next line).
+  static V times(const E* of_pairs, const V& line) {
     if constexpr (lines == 2) {
-      return join(Half{} + of_pairs[y][l], Half{} + of_pairs[y + 1][l]);
+      return join(Half{} + of_pairs[0], Half{} + of_pairs[W]) * line;
     } else {
-      return V{} + of_pairs[y][l];
+      return of_pairs[0] * line;
     }
+  }
+  static constexpr int pair_of(int column) { return column / parts * lines; }
+  // Where the line of a pair of the second direction stands behind that of the first one, in the tile.
+  static constexpr auto places = [] {
+    using Tile = StencilTile<Kernel, Dim, E>;
+    std::array<int, pairs> place{};
+    if constexpr (Dim == 3)
+      for (int y = 0; y < pairs; ++y) place[y] = Pairs::node(y) * Tile::line + Pairs::offset(y) * Tile::plane_stride;
+    return place;
+  }();
+
+  // By column and free pair of the first direction the sums of K_x W_y k W_z.
+  void sum_slopes(int first, int begin, int end, V* sums) const {
+    V sum[slopes_at_once * free_pairs];
+#pragma GCC unroll 40
+    for (int n = 0; n < slopes_at_once * free_pairs; ++n) sum[n] = V{};
+    for (int i = begin; i < end; ++i) {
+      const E *f = factors_of(i), *k = f + k_of(0) * W, *w = f + w_of(last - 1) * W;
+#pragma GCC unroll 16
+      for (int c = 0; c < slopes_at_once; ++c) {
+        V b = line_of(inner_[i % kept][1], (first + c) % parts);
+        if constexpr (Dim == 3) b = times(w + pair_of(first + c) * W, b);
+#pragma GCC unroll 6
+        for (int n = 0; n < free_pairs; ++n) sum[c * free_pairs + n] += k[n * W] * b;
+      }
+    }
+#pragma GCC unroll 40
+    for (int n = 0; n < slopes_at_once * free_pairs; ++n) sums[n] = sum[n];
+  }
+
+  // Adds the sums of some columns, those of the slopes included, to the entries of the cell's first node and behind it.
+  void add_stencil(int first, int begin, int end, const V* slopes, E* entries) const {
+    using Tile = StencilTile<Kernel, Dim, E>;
+    constexpr int side = Tile::side, support = Kernel::support;
+    V sum[sums_at_once * pairs];
+#pragma GCC unroll 16
+    for (int c = 0; c < sums_at_once; ++c) combine_slopes(slopes + c * free_pairs, sum + c * pairs);
+    for (int i = begin; i < end; ++i) {
+      const E *f = factors_of(i), *x = f + w_of(0) * W, *w = f + w_of(last - 1) * W, *k = f + k_of(last - 1) * W;
+      V a[sums_at_once];
+#pragma GCC unroll 16
+      for (int c = 0; c < sums_at_once; ++c) {
+        a[c] = line_of(inner_[i % kept][0], (first + c) % parts);
+        if constexpr (Dim == 3) a[c] = times(w + pair_of(first + c) * W, a[c]);
+      }
+      if constexpr (Dim == 3) {
+#pragma GCC unroll 16
+        for (int c = 0; c < sums_at_once; ++c)
+          a[c] += times(k + pair_of(first + c) * W, line_of(inner_[i % kept][1], (first + c) % parts));
+      }
+#pragma GCC unroll 10
+      for (int n = 0; n < pairs; ++n)
+#pragma GCC unroll 16
+        for (int c = 0; c < sums_at_once; ++c) sum[c * pairs + n] += x[n * W] * a[c];
+    }
+    for (int c = 0; c < sums_at_once; ++c)
+      for (int n = 0; n < lines; ++n) {
+        E* line = entries + places[pair_of(first + c) + n] + (first + c) % parts * lanes;
+#pragma GCC unroll 10
+        for (int k = 0; k < pairs; ++k)
+          add_to(line + (Dim == 2 ? Pairs::node(k) : Pairs::node(k) * side) * Tile::line +
+                     (Dim == 2 ? Pairs::offset(k) : Pairs::offset(k) * support) * Tile::plane_stride,
+                 sum[c * pairs + k], n);
+      }
   }
   // Adds line n of the register, or the part that it holds.
   static void add_to(E* line, const V& sum, int n) {
@@ -217,48 +298,6 @@ class PairSums {
     }
   }
 
-  // In 3D for the pairs from `first` of the second direction, each with all pairs of the first.
-  void add_stencil(int first, int part, int begin, int end, StencilTile<Kernel, Dim, E>& stencil, int row, int z) {
-    constexpr int side = StencilTile<Kernel, Dim, E>::side, support = Kernel::support;
-    V sum[at_once * pairs], slope_sum[at_once * free_pairs];
-#pragma GCC unroll 40
-    for (int n = 0; n < at_once * pairs; ++n) sum[n] = V{};
-#pragma GCC unroll 40
-    for (int n = 0; n < at_once * free_pairs; ++n) slope_sum[n] = V{};
-    for (int i = begin; i < end; ++i) {
-      const Factors& f = factors(i);
-      const int l = lane(i);
-      const V inner = line_of(inner_[i % kept][0], part), conductive = line_of(inner_[i % kept][1], part);
-#pragma GCC unroll 4
-      for (int c = 0; c < at_once; ++c) {
-        V a = inner, b = conductive;
-        if constexpr (Dim == 3) {
-          const V w = factor_of(f.w[1], first + c * lines, l);
-          a = w * inner + factor_of(f.k[1], first + c * lines, l) * conductive;
-          b = w * conductive;
-        }
-#pragma GCC unroll 10
-        for (int k = 0; k < pairs; ++k) sum[c * pairs + k] += f.w[0][k][l] * a;
-#pragma GCC unroll 6
-        for (int k = 0; k < free_pairs; ++k) slope_sum[c * free_pairs + k] += f.k[0][k][l] * b;
-      }
-    }
-#pragma GCC unroll 4
-    for (int c = 0; c < at_once; ++c) {
-      add_slopes(slope_sum + c * free_pairs, sum + c * pairs);
-#pragma GCC unroll 2
-      for (int n = 0; n < lines; ++n) {
-        const int y = first + c * lines + n;
-#pragma GCC unroll 10
-        for (int k = 0; k < pairs; ++k)
-          add_to(part * lanes + (Dim == 2 ? stencil.at(row + Pairs::node(k), Pairs::offset(k), z)
-                                          : stencil.at(row + Pairs::node(k) * side + Pairs::node(y),
-                                                       Pairs::offset(k) * support + Pairs::offset(y), z)),
-                 sum[c * pairs + k], n);
-      }
-    }
-  }
-
   // Times that the sum of K of free pair number j counts in that of pair k: a slope at node 1 is the others' sum with the sign
   // changed.
   static constexpr int count_in(int k, int j) {
@@ -269,8 +308,9 @@ class PairSums {
               b = a + Pairs::offset(free_pair);
     return share(n, a) * share(m, b) + (a != b ? share(n, b) * share(m, a) : 0);
   }
-  static void add_slopes(const V* free, V* sum) {
+  static void combine_slopes(const V* free, V* sum) {
     unrolled<pairs>([&](auto k) {
+      sum[k] = V{};
       unrolled<free_pairs>([&](auto j) {
         constexpr int count = count_in(k, j);
         if constexpr (count != 0) sum[k] = add_multiple<count>(sum[k], free[j]);
@@ -280,9 +320,10 @@ class PairSums {
 
   CellParticles<T, Values> particles_;
   int ready_ = 0;  // particles whose factors have been found
-  Factors factors_[kept / W];
+  alignas(64) E factors_[kept / W][factors][W];
+  alignas(64) T weights_[kept / W][value_rows][W];
   alignas(64) E inner_[kept][2][width];
-  Line row_[kept];
+  alignas(64) T row_[kept][row_numbers];
 };
 
 }  // namespace mpm

@@ -10,13 +10,6 @@
 
 namespace mpm {
 
-// Bytes and number of the widest vector registers.
-#ifdef __AVX512F__
-inline constexpr int widest_register = 64, registers = 32;
-#else
-inline constexpr int widest_register = 32, registers = 16;
-#endif
-
 // Lane n * support + o of a register belongs to the pair of nodes n and n + o of one direction. That is also their place
 // in a line of the tile, whose nodes have `support` offsets each: a cell's sums are added to a line at once.
 template <class Kernel, class T>

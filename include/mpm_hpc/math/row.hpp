@@ -22,13 +22,13 @@ inline Quad<T> load_quad(const T* p) {
   return q;
 }
 
-// Bytes of the machine's widest register.
+// Bytes and number of the machine's widest registers.
 #if defined(__AVX512F__)
-inline constexpr int register_bytes = 64;
+inline constexpr int register_bytes = 64, register_count = 32;
 #elif defined(__AVX__)
-inline constexpr int register_bytes = 32;
+inline constexpr int register_bytes = 32, register_count = 16;
 #else
-inline constexpr int register_bytes = 16;
+inline constexpr int register_bytes = 16, register_count = 16;
 #endif
 
 // Neighbouring nodes of a row: in one register if they fit, or else in two halves, because the compiler takes a shuffle of a
