@@ -53,7 +53,8 @@ struct LanePlace {
   S centre[Dim];    // (x_1 - x_p) / h, where x_1 is the stencil's second node
   S w[Dim][Kernel::support];
 
-  LanePlace(const GridGeometry<Dim>& grid, const IntVec<Dim>& block_first_node, const Real* const* x, Index p) {
+  // Inlined, so that a loop that has no use for the weights doesn't find them.
+  [[gnu::always_inline]] LanePlace(const GridGeometry<Dim>& grid, const IntVec<Dim>& block_first_node, const Real* const* x, Index p) {
     using Wide = Eigen::Array<Real, PackTraits<S>::width, 1>;
     for (int a = 0; a < Dim; ++a) {
       // In double up to here, so that single precision keeps its digits for the place inside the tile.
