@@ -220,10 +220,10 @@ class PairSums {
   static constexpr int pair_of(int column) { return column / parts * lines; }
   // Where the line of a pair of the second direction stands behind that of the first one, in the tile.
   static constexpr auto places = [] {
-    using Tile = StencilTile<Kernel, Dim, E>;
     std::array<int, pairs> place{};
     if constexpr (Dim == 3)
-      for (int y = 0; y < pairs; ++y) place[y] = Pairs::node(y) * Tile::line + Pairs::offset(y) * Tile::plane_stride;
+      for (int y = 0; y < pairs; ++y)
+        place[y] = StencilTile<Kernel, Dim, E>::place(Pairs::node(y), Pairs::offset(y), 0);
     return place;
   }();
 
@@ -249,7 +249,7 @@ class PairSums {
   // Adds the sums of some columns, those of the slopes included, to the entries of the cell's first node and behind it.
   void add_stencil(int first, int begin, int end, const V* slopes, E* entries) const {
     using Tile = StencilTile<Kernel, Dim, E>;
-    constexpr int side = Tile::side, support = Kernel::support;
+    constexpr int rows = Dim == 2 ? 1 : Tile::side, planes = Dim == 2 ? 1 : Kernel::support;  // to the next of the first direction
     V sum[sums_at_once * pairs];
 #pragma GCC unroll 16
     for (int c = 0; c < sums_at_once; ++c) combine_slopes(slopes + c * free_pairs, sum + c * pairs);
@@ -276,9 +276,7 @@ class PairSums {
         E* line = entries + places[pair_of(first + c) + n] + (first + c) % parts * lanes;
 #pragma GCC unroll 10
         for (int k = 0; k < pairs; ++k)
-          add_to(line + (Dim == 2 ? Pairs::node(k) : Pairs::node(k) * side) * Tile::line +
-                     (Dim == 2 ? Pairs::offset(k) : Pairs::offset(k) * support) * Tile::plane_stride,
-                 sum[c * pairs + k], n);
+          add_to(line + Tile::place(rows * Pairs::node(k), planes * Pairs::offset(k), 0), sum[c * pairs + k], n);
       }
   }
   // Adds line n of the register, or the part that it holds.

@@ -46,8 +46,10 @@ class StencilTile {
   StencilTile() : data_(static_cast<std::size_t>(Stencil::planes) * plane_stride, T(0)) { forget(); }
 
   // Entries of the first node of `row` (or behind it) with the offsets of `plane`.
-  T* at(int row, int plane, int node) {
-    return data_.data() + plane * plane_stride + row * line + node * Kernel::support;
+  T* at(int row, int plane, int node) { return data_.data() + place(row, plane, node); }
+  // How far behind the tile's first entry they stand; it is a sum of what each number adds.
+  static constexpr int place(int row, int plane, int node) {
+    return plane * plane_stride + row * line + node * Kernel::support;
   }
 
   void include(const int* first_node) {
