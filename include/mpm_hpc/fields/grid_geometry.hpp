@@ -21,19 +21,46 @@ inline constexpr int block_neighbours = Dim == 2 ? 9 : 27;
 // near in space near in memory.
 using BlockKey = std::uint64_t;
 
+inline constexpr int key_bits = 21;  // per coordinate
+
+namespace detail {
+
+// Bits that are in place after the groups of 2^step bits have moved apart, so that Dim - 1 others fit between two of them;
+// step 0 is the end. All are there before the first move.
+template <int Dim>
+inline constexpr BlockKey spread_masks[5] = {0x1249249249249249, 0x10c30c30c30c30c3, 0x100f00f00f00f00f, 0x1f0000ff0000ff,
+                                             0x1f00000000ffff};
+template <>
+inline constexpr BlockKey spread_masks<2>[5] = {0x5555555555555555, 0x3333333333333333, 0x0f0f0f0f0f0f0f0f, 0x00ff00ff00ff00ff,
+                                                0x0000ffff0000ffff};
+
+// Every bit of a coordinate to Dim times its place, by halves; and back.
+template <int Dim>
+constexpr BlockKey spread(BlockKey bits) {
+  bits &= (BlockKey{1} << key_bits) - 1;
+  for (int step = 4; step >= 0; --step) bits = (bits | bits << ((Dim - 1) << step)) & spread_masks<Dim>[step];
+  return bits;
+}
+template <int Dim>
+constexpr BlockKey collect(BlockKey bits) {
+  bits &= spread_masks<Dim>[0];
+  for (int step = 0; step < 4; ++step) bits = (bits | bits >> ((Dim - 1) << step)) & spread_masks<Dim>[step + 1];
+  return (bits | bits >> ((Dim - 1) << 4)) & ((BlockKey{1} << key_bits) - 1);
+}
+
+}  // namespace detail
+
 template <int Dim>
 BlockKey block_key(const IntVec<Dim>& block) {
   BlockKey key = 0;
-  for (int bit = 0; bit < 21; ++bit)
-    for (int a = 0; a < Dim; ++a) key |= static_cast<BlockKey>((block[a] >> bit) & 1) << (bit * Dim + Dim - 1 - a);
+  for (int a = 0; a < Dim; ++a) key |= detail::spread<Dim>(static_cast<std::uint32_t>(block[a])) << (Dim - 1 - a);
   return key;
 }
 
 template <int Dim>
 IntVec<Dim> block_of_key(BlockKey key) {
-  IntVec<Dim> block = IntVec<Dim>::Zero();
-  for (int bit = 0; bit < 21; ++bit)
-    for (int a = 0; a < Dim; ++a) block[a] |= static_cast<std::int32_t>((key >> (bit * Dim + Dim - 1 - a)) & 1) << bit;
+  IntVec<Dim> block;
+  for (int a = 0; a < Dim; ++a) block[a] = static_cast<std::int32_t>(detail::collect<Dim>(key >> (Dim - 1 - a)));
   return block;
 }
 
