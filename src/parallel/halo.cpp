@@ -12,10 +12,12 @@ namespace mpm {
 template <int Dim>
 struct Halo<Dim>::Requests {
   MPI_Comm comm = MPI_COMM_NULL;
-  std::vector<MPI_Request> sends, receives;
+  std::array<std::vector<MPI_Request>, 2> sends;  // by direction
+  std::vector<MPI_Request> receives;
   GridFields* fields = nullptr;
   std::vector<FieldId> which;
-  bool sum = false, active = false;
+  Direction direction = to_owners;
+  bool active = false;
 };
 
 template <int Dim>
@@ -23,9 +25,22 @@ Halo<Dim>::Halo() : requests_(std::make_unique<Requests>()) {}
 template <int Dim>
 Halo<Dim>::Halo(Halo&&) noexcept = default;
 template <int Dim>
-Halo<Dim>& Halo<Dim>::operator=(Halo&&) noexcept = default;
+Halo<Dim>& Halo<Dim>::operator=(Halo&& other) noexcept {
+  peers_.swap(other.peers_);
+  requests_.swap(other.requests_);
+  std::swap(messages_, other.messages_);
+  std::swap(bytes_, other.bytes_);
+  std::swap(wait_seconds_, other.wait_seconds_);
+  return *this;
+}
 template <int Dim>
-Halo<Dim>::~Halo() = default;
+Halo<Dim>::~Halo() {
+  int finalized = 0;
+  MPI_Finalized(&finalized);
+  if (!requests_ || finalized) return;
+  settle(to_owners);
+  settle(to_ghosts);
+}
 
 template <int Dim>
 NodeMask nodes_within(int number, int below, int above) {
@@ -94,6 +109,8 @@ std::vector<BlockRequest> surroundings(const GridGeometry<Dim>& grid, const std:
 template <int Dim>
 void Halo<Dim>::connect(const Communicator& communicator, const BlockTopology<Dim>& topology, const Wanted& wanted,
                         const Wanted& asked) {
+  settle(to_owners);
+  settle(to_ghosts);
   std::map<int, Peer> peers;
   for (const auto& [owner, list] : wanted) {
     peers[owner].rank = owner;
@@ -193,26 +210,38 @@ void Halo<Dim>::receive(Peer& peer, std::size_t bytes, int tag) {
 }
 
 template <int Dim>
-void Halo<Dim>::send(Peer& peer, int tag) {
-  requests_->sends.emplace_back();
-  MPI_Isend(peer.send.data(), static_cast<int>(peer.send.size()), MPI_BYTE, peer.rank, tag, requests_->comm,
-            &requests_->sends.back());
+void Halo<Dim>::send(Peer& peer, Direction direction, int tag) {
+  const std::vector<char>& bytes = peer.send[direction];
+  requests_->sends[direction].emplace_back();
+  MPI_Isend(bytes.data(), static_cast<int>(bytes.size()), MPI_BYTE, peer.rank, tag, requests_->comm,
+            &requests_->sends[direction].back());
   ++messages_;
-  bytes_ += static_cast<GlobalIndex>(peer.send.size());
+  bytes_ += static_cast<GlobalIndex>(bytes.size());
 }
 
 template <int Dim>
-void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, bool sum) {
+void Halo<Dim>::settle(Direction direction) {
+  std::vector<MPI_Request>& sends = requests_->sends[direction];
+  if (sends.empty()) return;
+  const double began = MPI_Wtime();
+  MPI_Waitall(static_cast<int>(sends.size()), sends.data(), MPI_STATUSES_IGNORE);
+  wait_seconds_ += MPI_Wtime() - began;
+  sends.clear();
+}
+
+template <int Dim>
+void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, Direction direction) {
   Requests& requests = *requests_;
   debug_check(!requests.active, "a halo exchange starts while another is under way");
   requests.fields = &fields;
   requests.which = which;
-  requests.sum = sum;
+  requests.direction = direction;
   requests.active = true;
-  requests.sends.clear();
+  settle(direction);
   requests.receives.clear();
   int components = 0;
   for (FieldId f : which) components += fields.traits(f).halo_components;
+  const bool sum = direction == to_owners;
   const int tag = sum ? 1 : 2;
   with_precision(fields.precision(), [&](auto zero) {
     using T = decltype(zero);
@@ -224,15 +253,16 @@ void Halo<Dim>::start(GridFields& fields, const std::vector<FieldId>& which, boo
     for (Peer& peer : peers_) {
       const auto& outgoing = sum ? peer.ghosts : peer.shared;
       if (outgoing.empty()) continue;
-      peer.send.resize(masked_nodes(outgoing) * components * sizeof(T));
-      T* out = reinterpret_cast<T*>(peer.send.data());
+      std::vector<char>& bytes = peer.send[direction];
+      bytes.resize(masked_nodes(outgoing) * components * sizeof(T));
+      T* out = reinterpret_cast<T*>(bytes.data());
       for (FieldId f : which) {
         const int stored = fields.traits(f).components, sent = fields.traits(f).halo_components;
         for_masked_nodes<T, Dim>(outgoing, fields.template data<T>(f), stored, [&](const T* node) {
           for (int c = 0; c < sent; ++c) *out++ = node[c];
         });
       }
-      send(peer, tag);
+      send(peer, direction, tag);
     }
   });
 }
@@ -244,16 +274,17 @@ void Halo<Dim>::finish() {
   MPI_Waitall(static_cast<int>(requests.receives.size()), requests.receives.data(), MPI_STATUSES_IGNORE);
   wait_seconds_ += MPI_Wtime() - began;
   GridFields& fields = *requests.fields;
+  const bool sum = requests.direction == to_owners;
   // Peers are unpacked in the order of their ranks, so that sums don't depend on the order of arrival.
   with_precision(fields.precision(), [&](auto zero) {
     using T = decltype(zero);
     for (Peer& peer : peers_) {
-      const auto& incoming = requests.sum ? peer.shared : peer.ghosts;
+      const auto& incoming = sum ? peer.shared : peer.ghosts;
       const T* in = reinterpret_cast<const T*>(peer.receive.data());
       if (incoming.empty()) continue;
       for (FieldId f : requests.which) {
         const int stored = fields.traits(f).components, sent = fields.traits(f).halo_components;
-        if (requests.sum) {
+        if (sum) {
           for_masked_nodes<T, Dim>(incoming, fields.template data<T>(f), stored, [&](T* node) {
             for (int c = 0; c < sent; ++c) node[c] += *in++;
           });
@@ -265,15 +296,12 @@ void Halo<Dim>::finish() {
       }
     }
   });
-  const double unpacked = MPI_Wtime();
-  MPI_Waitall(static_cast<int>(requests.sends.size()), requests.sends.data(), MPI_STATUSES_IGNORE);
-  wait_seconds_ += MPI_Wtime() - unpacked;
   requests.active = false;
 }
 
 template <int Dim>
 void Halo<Dim>::start_sum(GridFields& fields, const std::vector<FieldId>& which) {
-  start(fields, which, true);
+  start(fields, which, to_owners);
 }
 template <int Dim>
 void Halo<Dim>::finish_sum() {
@@ -281,7 +309,7 @@ void Halo<Dim>::finish_sum() {
 }
 template <int Dim>
 void Halo<Dim>::start_fill(GridFields& fields, const std::vector<FieldId>& which) {
-  start(fields, which, false);
+  start(fields, which, to_ghosts);
 }
 template <int Dim>
 void Halo<Dim>::finish_fill() {
@@ -292,21 +320,21 @@ template <int Dim>
 void Halo<Dim>::fill_blocks(std::vector<char>& flags) {
   Requests& requests = *requests_;
   debug_check(!requests.active, "a halo exchange starts while another is under way");
-  requests.sends.clear();
+  settle(to_ghosts);
   requests.receives.clear();
   constexpr int tag = 3;
   for (Peer& peer : peers_)
     if (!peer.ghosts.empty()) receive(peer, peer.ghosts.size(), tag);
   for (Peer& peer : peers_) {
     if (peer.shared.empty()) continue;
-    peer.send.resize(peer.shared.size());
-    for (std::size_t i = 0; i < peer.shared.size(); ++i) peer.send[i] = flags[peer.shared[i].slot];
-    send(peer, tag);
+    std::vector<char>& bytes = peer.send[to_ghosts];
+    bytes.resize(peer.shared.size());
+    for (std::size_t i = 0; i < peer.shared.size(); ++i) bytes[i] = flags[peer.shared[i].slot];
+    send(peer, to_ghosts, tag);
   }
   MPI_Waitall(static_cast<int>(requests.receives.size()), requests.receives.data(), MPI_STATUSES_IGNORE);
   for (Peer& peer : peers_)
     for (std::size_t i = 0; i < peer.ghosts.size(); ++i) flags[peer.ghosts[i].slot] = peer.receive[i];
-  MPI_Waitall(static_cast<int>(requests.sends.size()), requests.sends.data(), MPI_STATUSES_IGNORE);
 }
 
 template <int Dim>
@@ -333,7 +361,7 @@ std::size_t Halo<Dim>::list_bytes() const {
 template <int Dim>
 std::size_t Halo<Dim>::buffer_bytes() const {
   std::size_t bytes = 0;
-  for (const Peer& peer : peers_) bytes += peer.send.capacity() + peer.receive.capacity();
+  for (const Peer& peer : peers_) bytes += peer.send[0].capacity() + peer.send[1].capacity() + peer.receive.capacity();
   return bytes;
 }
 

@@ -5,10 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <random>
 #include <set>
+#include <thread>
 
 #include "support/all_ranks.hpp"
 #include "support/mpi_test.hpp"
@@ -302,6 +304,30 @@ TYPED_TEST(Distributed, RowHaloBringsEveryOwnersNodeInReach) {
   if (test::size() > 1) {
     EXPECT_GT(world().sum(from_others), 0);
     EXPECT_GT(world().sum(beyond_stencils), 0) << "the test must hold a node that no own particle reaches";
+  }
+}
+
+// A rank goes on to the next exchange while slower ones still have to take what it sent in this one.
+TYPED_TEST(Distributed, MessagesOnTheirWayAreNotOverwritten) {
+  constexpr int Dim = TestFixture::Dim;
+  using T = typename TestFixture::T;
+  this->start(Dim == 2 ? 700 : 500, Vec<Dim>::Constant(0.1), Vec<Dim>::Constant(Dim == 2 ? 2.9 : 1.3));
+  this->redistribute();
+  const std::set<BlockKey> mine = this->reached_nodes();
+  Halo<Dim>& halo = this->distribution.halo();
+  const Slot owned = this->distribution.topology().owned();
+  const auto value = [](BlockKey key, int c, int round) { return static_cast<T>(hash_of(key, c, round) % 65536); };
+  for (int round = 0; round < 12; ++round) {
+    this->for_nodes([&](Slot s, BlockKey key, T* v) {
+      for (int c = 0; c < 4; ++c) v[c] = s < owned ? value(key, c, round) : T(-1);
+    });
+    halo.start_fill(this->fields, {this->values});
+    if (round % test::size() == test::rank()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    halo.finish_fill();
+    this->for_nodes([&](Slot s, BlockKey key, T* v) {
+      if (s < owned || !mine.contains(key)) return;
+      for (int c = 0; c < 3; ++c) ASSERT_EQ(v[c], value(key, c, round)) << "round " << round;
+    });
   }
 }
 

@@ -1,6 +1,7 @@
 // Sums and copies node values across ranks: one packed non-blocking message per neighbour and direction.
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
 #include <vector>
@@ -65,7 +66,7 @@ class Halo {
   // Sent by this rank since the start.
   GlobalIndex messages() const { return messages_; }
   GlobalIndex bytes() const { return bytes_; }
-  // Spent in finish_sum() and finish_fill() waiting for messages of both directions [s].
+  // Spent waiting for messages from peers, and for own ones to leave their buffers [s].
   Real wait_seconds() const { return wait_seconds_; }
   int neighbours() const { return static_cast<int>(peers_.size()); }
   // Node values that this rank sends in one sum (ghost nodes) and one fill (owned nodes), per component.
@@ -87,16 +88,22 @@ class Halo {
   struct Peer {
     int rank = 0;
     std::vector<Entry> ghosts, shared;  // here, owned by the peer; owned here, ghosts at the peer
-    std::vector<char> send, receive;
+    std::array<std::vector<char>, 2> send;  // by direction
+    std::vector<char> receive;
   };
   struct Requests;
+  // A rank that has what it needs goes on while its own messages are on their way: their buffers are waited for when the
+  // same direction needs them again. Else the faster of two ranks would wait for the slower one in each of a step's exchanges.
+  enum Direction { to_owners, to_ghosts };
   using Wanted = std::map<int, std::vector<BlockRequest>>;
   void connect(const Communicator& communicator, const BlockTopology<Dim>& topology, const Wanted& wanted,
                const Wanted& asked);
-  // Posts the receipt of so many bytes, and sends what the peer's buffer holds; of both exchanges.
+  // Posts the receipt of so many bytes, and sends what the peer's buffer holds; of all exchanges.
   void receive(Peer& peer, std::size_t bytes, int tag);
-  void send(Peer& peer, int tag);
-  void start(GridFields& fields, const std::vector<FieldId>& which, bool sum);
+  void send(Peer& peer, Direction direction, int tag);
+  // Waits until the messages of this direction have left their buffers.
+  void settle(Direction direction);
+  void start(GridFields& fields, const std::vector<FieldId>& which, Direction direction);
   void finish();
 
   std::vector<Peer> peers_;
