@@ -44,7 +44,7 @@ void FieldSet::resize(Index size) {
 namespace {
 
 template <class T>
-void gather_component(const void* from, void* to, const std::vector<Index>& source) {
+void gather_component(const void* from, void* to, std::span<const Index> source) {
   const T* in = static_cast<const T*>(from);
   T* out = static_cast<T*>(to);
   for (std::size_t i = 0; i < source.size(); ++i) out[i] = in[source[i]];
@@ -73,7 +73,7 @@ void for_blocks(std::span<const Index> particles, F&& f) {
 
 }  // namespace
 
-void FieldSet::gather(const std::vector<Index>& source) {
+void FieldSet::gather(std::span<const Index> source) {
   for (Column& column : columns_) {
     const int width = bytes_of(column.traits.type);
     for (int c = 0; c < column.traits.components; ++c) {

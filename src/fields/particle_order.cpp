@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
+#include <utility>
 
 namespace mpm {
 
@@ -22,98 +24,117 @@ Vec<Dim> wrapped_place(const GridGeometry<Dim>& grid, Vec<Dim> x, Real shift) {
   return x;
 }
 
+namespace {
+
+// The blocks of a body's particles, numbered as they first appear, and how many particles each of their cells has.
+template <int Dim>
+class OccupiedBlocks {
+ public:
+  explicit OccupiedBlocks(std::size_t expected) { map_.reset(expected); room_ = expected; }
+
+  Slot find_or_add(BlockKey key) {
+    Slot slot = map_.find(key);
+    if (slot != no_slot) return slot;
+    slot = static_cast<Slot>(keys_.size());
+    keys_.push_back(key);
+    cells_.resize(keys_.size() * nodes_per_block<Dim>, 0);
+    if (keys_.size() > room_) {
+      room_ *= 2;
+      map_.reset(room_);
+      for (std::size_t k = 0; k < keys_.size(); ++k) map_.insert(keys_[k], static_cast<Slot>(k));
+    } else {
+      map_.insert(key, slot);
+    }
+    return slot;
+  }
+
+  const std::vector<BlockKey>& keys() const { return keys_; }
+  // One number per cell of the block.
+  Index* cells(Slot slot) { return &cells_[static_cast<std::size_t>(slot) * nodes_per_block<Dim>]; }
+
+ private:
+  BlockMap map_;
+  std::size_t room_;
+  std::vector<BlockKey> keys_;
+  std::vector<Index> cells_;
+};
+
+}  // namespace
+
 template <int Dim>
 std::vector<BlockKey> order_particles(Body<Dim>& body, const GridGeometry<Dim>& grid, Real shift, int pad,
                                       OrderWithinCell within) {
+  constexpr Index no_cell = -1;
   FieldSet& fields = body.particles;
   const Index n = fields.size();
-  const GlobalIndex* ids = fields.template data<GlobalIndex>(core::id);
-  std::vector<Index> order;
-  order.reserve(n);
-  for (Index p = 0; p < n; ++p)
-    if (ids[p] >= 0) order.push_back(p);
-  if (within == OrderWithinCell::canonical)
-    std::sort(order.begin(), order.end(), [ids](Index a, Index b) { return ids[a] < ids[b]; });
-
-  // Blocks in the order of first appearance, with the cell of each particle.
-  const Real* x[Dim];
-  for (int a = 0; a < Dim; ++a) x[a] = fields.template data<Real>(core::position, a);
-  std::vector<BlockKey> keys;
-  std::vector<std::uint32_t> bin(order.size());
-  BlockMap map;
-  map.reset(body.ranges.size() * 2 + 1024);
-  std::size_t map_room = body.ranges.size() * 2 + 1024;
-  BlockKey last_key = ~BlockKey{0};
-  Slot last_slot = no_slot;
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    Vec<Dim> position;
-    for (int a = 0; a < Dim; ++a) position[a] = x[a][order[i]];
-    const IntVec<Dim> base = base_node(grid, position, shift);
-    IntVec<Dim> block;
-    std::uint32_t cell = 0;
-    for (int a = 0; a < Dim; ++a) {
-      block[a] = base[a] / block_side;
-      cell = cell * block_side + static_cast<std::uint32_t>(base[a] % block_side);
+  OccupiedBlocks<Dim> blocks(body.ranges.size() * 2 + 1024);
+  // Columns, which come in large pages: vectors of this length would be mapped and cleared page by page at every sort.
+  AlignedBuffer cell_of(sizeof(Index) * static_cast<std::size_t>(n), 0);
+  Index* cell = static_cast<Index*>(cell_of.data());
+  RecentBlocks<Dim, Slot> recent;
+  for_each_run(body, grid, shift, [&](const BlockRun<Dim>& run) {
+    if (run.padding) {
+      std::fill(cell + run.begin, cell + run.end, no_cell);
+      return;
     }
-    const BlockKey key = block_key<Dim>(block);
-    if (key != last_key) {
-      last_key = key;
-      last_slot = map.find(key);
-      if (last_slot == no_slot) {
-        last_slot = static_cast<Slot>(keys.size());
-        keys.push_back(key);
-        if (keys.size() > map_room) {
-          map_room *= 2;
-          map.reset(map_room);
-          for (std::size_t k = 0; k < keys.size(); ++k) map.insert(keys[k], static_cast<Slot>(k));
-        } else {
-          map.insert(key, last_slot);
-        }
-      }
+    const Slot slot = recent(run.block, [&] { return blocks.find_or_add(block_key<Dim>(run.block)); });
+    Index* counts = blocks.cells(slot);
+    for (Index p = run.begin; p < run.end; ++p) {
+      const int c = run.cells[p - run.begin];
+      cell[p] = slot * nodes_per_block<Dim> + c;
+      ++counts[c];
     }
-    bin[i] = static_cast<std::uint32_t>(last_slot) * nodes_per_block<Dim> + cell;
-  }
+  });
 
-  // Counting sort with the blocks in the order of their keys.
+  // Counting sort with the blocks in the order of their keys; the counts become the places of the next particles.
+  const std::vector<BlockKey>& keys = blocks.keys();
   std::vector<Slot> by_key(keys.size());
   std::iota(by_key.begin(), by_key.end(), 0);
   std::sort(by_key.begin(), by_key.end(), [&keys](Slot a, Slot b) { return keys[a] < keys[b]; });
-  std::vector<Index> start(keys.size() * nodes_per_block<Dim>, 0);
-  for (std::uint32_t b : bin) ++start[b];
   body.ranges.clear();
   body.ranges.reserve(keys.size());
+  std::vector<Index> ends;  // of each range without its padding
+  ends.reserve(keys.size());
   Index position = 0;
   for (std::size_t k = 0; k < by_key.size(); ++k) {
     const Index begin = position;
-    Index* cells = &start[static_cast<std::size_t>(by_key[k]) * nodes_per_block<Dim>];
-    for (int c = 0; c < nodes_per_block<Dim>; ++c) {
-      const Index count = cells[c];
-      cells[c] = position;
-      position += count;
-    }
-    const Index count = position - begin;
-    position = begin + (count + pad - 1) / pad * pad;
+    Index* cells = blocks.cells(by_key[k]);
+    for (int c = 0; c < nodes_per_block<Dim>; ++c) position += std::exchange(cells[c], position);
+    ends.push_back(position);
+    position = begin + (position - begin + pad - 1) / pad * pad;
     body.ranges.push_back({static_cast<Slot>(k), begin, position});
   }
-  std::vector<Index> source(position, -1);
-  for (std::size_t i = 0; i < order.size(); ++i) source[start[bin[i]]++] = order[i];
-  std::vector<Index> padding;
-  for (Index p = 0; p < position; ++p)
-    if (source[p] < 0) {
-      source[p] = source[p - 1];
-      padding.push_back(p);
-    }
+  AlignedBuffer source_of(sizeof(Index) * static_cast<std::size_t>(position), 0);
+  const std::span<Index> source(static_cast<Index*>(source_of.data()), static_cast<std::size_t>(position));
+  Index* next = keys.empty() ? nullptr : blocks.cells(0);
+  if (within == OrderWithinCell::canonical) {
+    const GlobalIndex* ids = fields.template data<GlobalIndex>(core::id);
+    std::vector<Index> order;
+    order.reserve(static_cast<std::size_t>(n));
+    for (Index p = 0; p < n; ++p)
+      if (cell[p] != no_cell) order.push_back(p);
+    std::sort(order.begin(), order.end(), [ids](Index a, Index b) { return ids[a] < ids[b]; });
+    for (const Index p : order) source[next[cell[p]]++] = p;
+  } else {
+    for (Index p = 0; p < n; ++p)
+      if (cell[p] != no_cell) source[next[cell[p]]++] = p;
+  }
+  for (std::size_t k = 0; k < ends.size(); ++k)
+    for (Index p = ends[k]; p < body.ranges[k].end; ++p) source[p] = source[ends[k] - 1];
   fields.gather(source);
 
   GlobalIndex* new_ids = fields.template data<GlobalIndex>(core::id);
-  for (const FieldId f : {core::mass, core::volume}) {
-    if (fields.traits(f).type == ScalarType::float32) {
-      for (Index p : padding) fields.template data<float>(f)[p] = 0;
-    } else {
-      for (Index p : padding) fields.template data<double>(f)[p] = 0;
+  for (std::size_t k = 0; k < ends.size(); ++k)
+    for (Index p = ends[k]; p < body.ranges[k].end; ++p) {
+      new_ids[p] = padding_id;
+      for (const FieldId f : {core::mass, core::volume}) {
+        if (fields.traits(f).type == ScalarType::float32) {
+          fields.template data<float>(f)[p] = 0;
+        } else {
+          fields.template data<double>(f)[p] = 0;
+        }
+      }
     }
-  }
-  for (Index p : padding) new_ids[p] = padding_id;
 
   std::vector<BlockKey> occupied(keys.size());
   for (std::size_t k = 0; k < by_key.size(); ++k) occupied[k] = keys[by_key[k]];

@@ -134,12 +134,9 @@ bool Decomposition<Dim>::partition_table(const Communicator& communicator, const
 }
 
 template <int Dim>
-Real Decomposition<Dim>::imbalance(const Communicator& communicator, const Weights& local_weights) const {
-  // Between two sorts a rank's own particles may lie in a neighbour's block; the weights count where they lie.
-  Real mine = 0;
-  for (const auto& w : local_weights) mine += w.second;
-  const Real mean = communicator.sum(mine) / communicator.size();
-  return mean > 0 ? communicator.max(mine) / mean : 1.0;
+Real Decomposition<Dim>::imbalance(const Communicator& communicator, Real load) const {
+  const Real mean = communicator.sum(load) / communicator.size();
+  return mean > 0 ? communicator.max(load) / mean : 1.0;
 }
 
 template class Decomposition<2>;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <unordered_map>
 
@@ -26,29 +27,39 @@ std::string describe_place(const Vec<Dim>& x) {
   return text + ")";
 }
 
-}  // namespace
-
+// The first place from `first` on whose position is outside the domain or not finite; the number of places if there is none.
 template <int Dim>
-IntVec<Dim> Distribution<Dim>::block_of(const Body<Dim>& body, Index p) const {
-  IntVec<Dim> block = base_node(grid_, position_of(body, p), options_.kernel_shift);
-  for (int a = 0; a < Dim; ++a) block[a] /= block_side;
-  return block;
+Index first_outside(const Body<Dim>& body, const GridGeometry<Dim>& grid, Index first) {
+  constexpr Index at_once = 256;
+  constexpr Real most = std::numeric_limits<Real>::max();
+  const Index size = body.particles.size();
+  const auto inside = [&](Index begin, Index end) {
+    Index sides = 0;  // counted, because GCC doesn't take a product of truths into lanes
+    for (int a = 0; a < Dim; ++a) {
+      const Real lower = grid.periodic(a) ? -most : grid.lower()[a], upper = grid.periodic(a) ? most : grid.upper()[a];
+      const Real* x = body.particles.template data<Real>(core::position, a);
+      for (Index p = begin; p < end; ++p) sides += (x[p] >= lower) & (x[p] <= upper);
+    }
+    return sides == Dim * (end - begin);
+  };
+  while (first < size && inside(first, std::min(first + at_once, size))) first += at_once;
+  while (first < size && inside(first, first + 1)) ++first;
+  return std::min(first, size);
 }
+
+}  // namespace
 
 template <int Dim>
 typename Decomposition<Dim>::Weights Distribution<Dim>::weights(const std::vector<Body<Dim>>& bodies,
                                                                 Real factor) const {
   std::unordered_map<GlobalIndex, Real> sums;
-  IntVec<Dim> last = IntVec<Dim>::Constant(-1);
-  Real* sum = nullptr;  // of the last block; most particles follow one of the same block
+  RecentBlocks<Dim, Real*> recent;
   for (const Body<Dim>& body : bodies)
-    for (Index p = 0; p < body.particles.size(); ++p) {
-      if (body.is_padding(p)) continue;
-      const IntVec<Dim> block = block_of(body, p);
-      if (block != last) sum = &sums[decomposition_.grain(block)];
-      last = block;
-      *sum += factor;
-    }
+    for_each_run(body, grid_, options_.kernel_shift, [&](const BlockRun<Dim>& run) {
+      if (run.padding) return;
+      Real* sum = recent(run.block, [&] { return &sums[decomposition_.grain(run.block)]; });
+      *sum += factor * static_cast<Real>(run.end - run.begin);
+    });
   typename Decomposition<Dim>::Weights result(sums.begin(), sums.end());
   std::sort(result.begin(), result.end());
   return result;
@@ -80,10 +91,9 @@ template <int Dim>
 void Distribution<Dim>::apply_leave_policy(std::vector<Body<Dim>>& bodies) {
   std::string failure;
   for (Body<Dim>& body : bodies) {
-    for (Index p = 0; p < body.particles.size(); ++p) {
+    for (Index p = first_outside(body, grid_, 0); p < body.particles.size(); p = first_outside(body, grid_, p + 1)) {
       if (body.is_padding(p)) continue;
       const Vec<Dim> x = position_of(body, p);
-      if (grid_.contains(x) && x.allFinite()) continue;
       if (left_through_open_side(x)) {
         body.particles.template data<GlobalIndex>(core::id)[p] = padding_id;
         ++left_;
@@ -176,20 +186,16 @@ template <int Dim>
 std::vector<typename Distribution<Dim>::Leaving> Distribution<Dim>::find_leaving(
     const std::vector<Body<Dim>>& bodies) const {
   std::vector<Leaving> leaving(bodies.size());
+  RecentBlocks<Dim, int> recent;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const Body<Dim>& body = bodies[b];
-    IntVec<Dim> last = IntVec<Dim>::Constant(-1);
-    int owner = 0;  // of the last block
-    for (Index p = 0; p < body.particles.size(); ++p) {
-      if (body.is_padding(p)) {
-        leaving[b].free.push_back(p);
-        continue;
-      }
-      const IntVec<Dim> block = block_of(body, p);
-      if (block != last) owner = decomposition_.owner(block);
-      last = block;
-      if (owner != communicator_.rank()) leaving[b].particles[owner].push_back(p);
-    }
+    const auto append = [](const BlockRun<Dim>& run, std::vector<Index>& list) {
+      for (Index p = run.begin; p < run.end; ++p) list.push_back(p);
+    };
+    for_each_run(bodies[b], grid_, options_.kernel_shift, [&](const BlockRun<Dim>& run) {
+      if (run.padding) return append(run, leaving[b].free);
+      const int owner = recent(run.block, [&] { return decomposition_.owner(run.block); });
+      if (owner != communicator_.rank()) append(run, leaving[b].particles[owner]);
+    });
   }
   return leaving;
 }
@@ -297,22 +303,21 @@ void Distribution<Dim>::redistribute(std::vector<Body<Dim>>& bodies, GridFields&
   }
   migrate(bodies);
 
-  Real factor = 1;
-  if (options_.weigh_by_time && seconds > 0) {
+  const auto held = [&] {
     GlobalIndex count = 0;
     for (const auto& body : bodies) count += body.real_particles();
-    if (count > 0) factor = seconds / static_cast<Real>(count);
-  }
-  auto local = weights(bodies, factor);
-  imbalance_ = decomposition_.imbalance(communicator_, local);
+    return static_cast<Real>(count);
+  };
+  const Real particles = held();
+  const Real factor = options_.weigh_by_time && seconds > 0 && particles > 0 ? seconds / particles : 1;
+  imbalance_ = decomposition_.imbalance(communicator_, factor * particles);
   if (communicator_.size() > 1 && wants_partition(within)) {
     // A new partition must win 2 % at least, or particles would be sent back and forth for nothing.
     ++partitions_;
-    if (decomposition_.partition(communicator_, local, least_gain)) {
+    if (decomposition_.partition(communicator_, weights(bodies, factor), least_gain)) {
       ++rebalances_;
       migrate(bodies);
-      local = weights(bodies, factor);
-      imbalance_ = decomposition_.imbalance(communicator_, local);
+      imbalance_ = decomposition_.imbalance(communicator_, factor * held());
     }
     settled_ = imbalance_;
     sorts_since_partition_ = 0;

@@ -331,6 +331,40 @@ TYPED_TEST(Distributed, MessagesOnTheirWayAreNotOverwritten) {
   }
 }
 
+TYPED_TEST(Distributed, ParticlesOutsideAreFoundWhereverTheyAre) {
+  constexpr int Dim = TestFixture::Dim;
+  const Real edge = Dim == 2 ? 3.2 : 1.6;
+  for (const LeavePolicy policy : {LeavePolicy::remove, LeavePolicy::keep}) {
+    this->start(3000, Vec<Dim>::Zero(), Vec<Dim>::Constant(edge), {.leave_policy = policy});
+    this->redistribute();
+    const auto leaves = [](GlobalIndex id) { return hash_of(id, 9) % 23 == 0; };
+    GlobalIndex outside = 0;
+    this->for_particles([&](Body<Dim>& body, Index p) {
+      const GlobalIndex id = body.particles.template data<GlobalIndex>(core::id)[p];
+      if (!leaves(id)) return;
+      ++outside;
+      body.particles.template data<Real>(core::position, static_cast<int>(id % Dim))[p] =
+          id % 2 ? -0.01 * this->h : edge * (1 + 1e-15);
+    });
+    this->redistribute();
+    EXPECT_GT(outside, 0);
+    EXPECT_EQ(this->distribution.take_removed(), policy == LeavePolicy::remove ? outside : 0);
+    EXPECT_EQ(this->distribution.take_kept(), policy == LeavePolicy::keep ? outside : 0);
+    GlobalIndex left = 0, kept = 0;
+    this->for_particles([&](Body<Dim>& body, Index p) {
+      const GlobalIndex id = body.particles.template data<GlobalIndex>(core::id)[p];
+      ASSERT_TRUE(this->distribution.grid().contains(this->position(body, p)));
+      ++left;
+      if (!leaves(id)) return;
+      ++kept;
+      ASSERT_EQ(this->position(body, p)[static_cast<int>(id % Dim)], id % 2 ? 0 : edge);
+    });
+    outside = world().sum(outside);
+    EXPECT_EQ(world().sum(left), this->total - (policy == LeavePolicy::remove ? outside : 0));
+    EXPECT_EQ(world().sum(kept), policy == LeavePolicy::keep ? outside : 0);
+  }
+}
+
 TYPED_TEST(Distributed, MigrationKeepsEveryBit) {
   constexpr int Dim = TestFixture::Dim;
   for (const Partitioner partitioner : both_kinds_of_owners) {

@@ -64,7 +64,7 @@ class FieldSet {
   void* raw(FieldId f, int component) const { return columns_[f].components[component].data(); }
 
   // Component-by-component new[i] = old[source[i]]; needs one spare component buffer of each width only.
-  void gather(const std::vector<Index>& source);
+  void gather(std::span<const Index> source);
 
   // Bytes one particle takes in a message or file.
   int bytes_per_particle() const;

@@ -58,8 +58,8 @@ class Decomposition {
   // `gain` better (always, when there are none yet). Returns whether owners changed. Collective.
   bool partition(const Communicator& communicator, const Weights& local_weights, Real gain);
 
-  // Largest weight of a rank over the mean, for the present owners. Collective.
-  Real imbalance(const Communicator& communicator, const Weights& local_weights) const;
+  // The ranks' largest load over the mean; 1 if there is none. Collective.
+  Real imbalance(const Communicator& communicator, Real load) const;
 
   const GridGeometry<Dim>& grid() const { return grid_; }
   bool empty() const { return on_curve_ ? !cut_ : owners_.empty(); }

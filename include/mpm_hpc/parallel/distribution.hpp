@@ -91,7 +91,6 @@ class Distribution {
   // All that leave, in rounds; `arrivals` by body.
   void send_and_receive(std::vector<Body<Dim>>& bodies, std::vector<Leaving>& leaving,
                         const std::vector<GlobalIndex>& arrivals);
-  IntVec<Dim> block_of(const Body<Dim>& body, Index p) const;
 
   Communicator communicator_;
   GridGeometry<Dim> grid_;

@@ -72,5 +72,79 @@ TYPED_TEST(Order, KeysInterleaveTheBitsOfTheCoordinates) {
   }
 }
 
+TYPED_TEST(Order, RunsGoThroughAllParticlesBlockByBlock) {
+  constexpr int Dim = TypeParam::value;
+  for (const int count : {0, 1, 255, 256, 257, 3000}) {
+    this->seed(count, Precision::double_precision);
+    Index next = 0;
+    for_each_run(this->body, this->grid, this->shift, [&](const BlockRun<Dim>& run) {
+      ASSERT_EQ(run.begin, next);
+      ASSERT_LT(run.begin, run.end);
+      next = run.end;
+      for (Index p = run.begin; p < run.end; ++p) {
+        ASSERT_EQ(run.padding, this->body.is_padding(p));
+        if (run.padding) continue;
+        const IntVec<Dim> base = this->base(p);
+        for (int a = 0; a < Dim; ++a) ASSERT_EQ(run.block[a], base[a] / block_side);
+        ASSERT_EQ(run.cells[p - run.begin], this->cell(base));
+      }
+    });
+    EXPECT_EQ(next, count);
+  }
+}
+
+// Against std::sort of what each particle's place is.
+TYPED_TEST(Order, SortsByBlockAndCellAndPadsEachBlock) {
+  constexpr int Dim = TypeParam::value;
+  for (const Precision precision : {Precision::double_precision, Precision::single_precision})
+    for (const OrderWithinCell within : {OrderWithinCell::stable, OrderWithinCell::canonical}) {
+      this->seed(4000, precision);
+      using Place = std::tuple<BlockKey, int, GlobalIndex, GlobalIndex>;  // key, cell, order in the cell, identity
+      std::vector<Place> expected;
+      for (Index p = 0; p < 4000; ++p) {
+        if (this->body.is_padding(p)) continue;
+        IntVec<Dim> block = this->base(p);
+        const int cell = this->cell(block);
+        for (int a = 0; a < Dim; ++a) block[a] /= block_side;
+        const GlobalIndex id = this->body.particles.template data<GlobalIndex>(core::id)[p];
+        expected.emplace_back(block_key<Dim>(block), cell, within == OrderWithinCell::stable ? p : id, id);
+      }
+      std::sort(expected.begin(), expected.end());
+
+      const int pad = padding_width(precision);
+      const std::vector<BlockKey> keys = order_particles(this->body, this->grid, this->shift, pad, within);
+      const FieldSet& fields = this->body.particles;
+      std::size_t next = 0;
+      Index end = 0;
+      ASSERT_EQ(keys.size(), this->body.ranges.size());
+      for (std::size_t r = 0; r < keys.size(); ++r) {
+        const BlockRange& range = this->body.ranges[r];
+        EXPECT_EQ(range.slot, static_cast<Slot>(r));
+        ASSERT_EQ(range.begin, end);
+        ASSERT_EQ(range.begin % pad, 0);
+        ASSERT_EQ(range.end % pad, 0);
+        end = range.end;
+        for (Index p = range.begin; p < range.end; ++p) {
+          const GlobalIndex id = fields.template data<GlobalIndex>(core::id)[p];
+          const Real mass = precision == Precision::double_precision ? fields.template data<double>(core::mass)[p]
+                                                                     : fields.template data<float>(core::mass)[p];
+          if (next < expected.size() && std::get<0>(expected[next]) == keys[r]) {
+            ASSERT_EQ(id, std::get<3>(expected[next]));
+            ASSERT_EQ(mass, 1 + id);
+            ASSERT_EQ(this->cell(this->base(p)), std::get<1>(expected[next]));
+            ++next;
+          } else {  // behind the last particle of its block, and at its place
+            ASSERT_EQ(id, padding_id);
+            ASSERT_EQ(mass, 0);
+            ASSERT_LT(range.end - p, pad);
+            ASSERT_EQ(this->base(p), this->base(p - 1));
+          }
+        }
+      }
+      EXPECT_EQ(next, expected.size());
+      EXPECT_EQ(end, fields.size());
+    }
+}
+
 }  // namespace
 }  // namespace mpm
