@@ -53,24 +53,26 @@ class ReferencePhase {
 
   MPI_Comm comm() const { return mpi_comm(communicator_); }
 
-  // Weight and c^n of each node, over all ranks; those with weight are numbered.
+  // Volume and c^n of each node, over all ranks; those with volume are numbered.
   int number_nodes() {
-    std::vector<Real>& weight = grid_.mass;
-    std::fill(weight.begin(), weight.end(), 0.0);
-    node_phase_.assign(weight.size(), 0.0);
-    for (std::size_t p = 0; p < start_.particles.size(); ++p)
-      for_each_node<Kernel>(geometry_, start_.particles[p].x,
-                            [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
-                              weight[grid_.index(node)] += w;
-                              node_phase_[grid_.index(node)] += w * start_.phase[p];
-                            });
-    communicator_.sum(weight);
+    std::vector<Real>& volume = grid_.mass;
+    std::fill(volume.begin(), volume.end(), 0.0);
+    node_phase_.assign(volume.size(), 0.0);
+    for (std::size_t p = 0; p < start_.particles.size(); ++p) {
+      const ReferenceParticle<Dim>& particle = start_.particles[p];
+      const Real of_particle = particle.F.determinant() * particle.volume;
+      for_each_node<Kernel>(geometry_, particle.x, [&](const IntVec<Dim>& node, Real w, const Vec<Dim>&) {
+        volume[grid_.index(node)] += w * of_particle;
+        node_phase_[grid_.index(node)] += w * of_particle * start_.phase[p];
+      });
+    }
+    communicator_.sum(volume);
     communicator_.sum(node_phase_);
-    row_.assign(weight.size(), -1);
+    row_.assign(volume.size(), -1);
     int rows = 0;
-    for (std::size_t i = 0; i < weight.size(); ++i)
-      if (weight[i] > 0) {
-        node_phase_[i] /= weight[i];
+    for (std::size_t i = 0; i < volume.size(); ++i)
+      if (volume[i] > 0) {
+        node_phase_[i] /= volume[i];
         row_[i] = rows++;
       }
     return rows;
@@ -164,7 +166,7 @@ class ReferencePhase {
   ReferencePhaseParticles<Dim> start_;
   ReferenceMaterial material_;
   PhaseLaw law_;
-  ReferenceGrid<Dim> grid_;  // its numbering; mass is the weight here
+  ReferenceGrid<Dim> grid_;  // its numbering; mass is the volume here
   std::vector<Real> node_phase_, solution_, new_phase_;
   std::vector<int> row_;
 };

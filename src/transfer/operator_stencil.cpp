@@ -97,6 +97,7 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
                                                                       std::vector<char>&);
 #define MPM_INSTANTIATE(Kernel, Dim, T, E)    \
   MPM_INSTANTIATE_VALUES(Kernel, Dim, T, E, 1) \
+  MPM_INSTANTIATE_VALUES(Kernel, Dim, T, E, 2) \
   MPM_INSTANTIATE_VALUES(Kernel, Dim, T, E, node_values)
 MPM_FOR_OPERATOR_STENCILS(MPM_INSTANTIATE)
 #undef MPM_INSTANTIATE

@@ -151,11 +151,8 @@ class PairSums {
       for (int l = 0; l < width; l += 4)
         packs_to_quads<E, W>(inner[i][l], inner[i][l + 1], inner[i][l + 2], inner[i][l + 3],
                              inner_[ready_ % kept][i] + l, 2 * width);
-    alignas(64) T weight[4][W] = {};
-    if constexpr (Values == 1) {
-      for (int n = 0; n < support; ++n) store(weight[n], S(load<S>(particles_.q[0] + ready_) * weights[last][n]));
-      packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], row_[ready_ % kept], 4);
-    } else {
+    if constexpr (Values == node_values) {
+      alignas(64) T weight[4][W] = {};
       for (int n = 0; n < support; ++n) store(weight[n], weights[last][n]);
       alignas(64) T along[W][4], q[W][4];
       packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], along[0], 4);
@@ -163,6 +160,12 @@ class PairSums {
                            particles_.q[3] + ready_, q[0], 4);
       for (int l = 0; l < W; ++l)
         (Row<T>::spread(load_quad(along[l])) * Row<T>::repeat(load_quad(q[l]))).store(row_[ready_ % kept + l]);
+    } else {
+      alignas(64) T numbers[row_numbers][W] = {};
+      for (int n = 0; n < support * Values; ++n)
+        store(numbers[n], S(load<S>(particles_.q[n % Values] + ready_) * weights[last][n / Values]));
+      for (int n = 0; n < row_numbers; n += 4)
+        packs_to_quads<T, W>(numbers[n], numbers[n + 1], numbers[n + 2], numbers[n + 3], row_[ready_ % kept] + n, row_numbers);
     }
   }
 

@@ -21,6 +21,12 @@ constexpr Quad<T> along() {
 }
 
 template <class T>
+void add_quad(T* to, Quad<T> what) {
+  what += load_quad(to);
+  std::memcpy(to, &what, sizeof(what));
+}
+
+template <class T>
 T sum_of(Quad<T> q) {
   return (q[0] + q[1]) + (q[2] + q[3]);
 }
@@ -152,9 +158,9 @@ void scatter_rows_by_slopes(const ScalarRow<T>* rows, int count, T* tile) {
       for (int j = 0; j < columns; ++j) {
         T* row = tile + r.tile_node + row_offset<Dim>(i, j, side);
         const T other = Dim == 2 ? T(1) : r.w[1][j];
-        Quad<T> sum = load_quad(row) + r.w[0][i] * other * centre + g[i] * other * r.slope[0] * w;
+        Quad<T> sum = r.w[0][i] * other * centre + g[i] * other * r.slope[0] * w;
         if (Dim == 3) sum += r.w[0][i] * g[j] * r.slope[1] * w;
-        std::memcpy(row, &sum, sizeof(sum));
+        add_quad<T>(row, sum);
       }
   }
 }
@@ -168,27 +174,23 @@ void scatter_rows(const ScalarRow<T>* rows, int count, T* tile) {
     const Quad<T> w = load_quad(r.w[Dim - 1]);
     const Quad<T> centre = w * (r.value + along<T>() * r.slope[Dim - 1]), slope_x = w * r.slope[0];
     T* first = tile + r.tile_node;
-    auto add = [](T* row, Quad<T> what) {
-      const Quad<T> sum = load_quad(row) + what;
-      std::memcpy(row, &sum, sizeof(sum));
-    };
     unrolled<Kernel::support>([&](auto i) {
       const Quad<T> plane = r.w[0][i] * add_multiple<i - 1>(centre, slope_x);
       if constexpr (Dim == 2) {
-        add(first + i * side, plane);
+        add_quad<T>(first + i * side, plane);
       } else {
         const Quad<T> tilt = r.w[0][i] * (w * r.slope[1]);
         unrolled<Kernel::support>([&](auto j) {
-          add(first + (i * side + j) * side, r.w[1][j] * add_multiple<j - 1>(plane, tilt));
+          add_quad<T>(first + (i * side + j) * side, r.w[1][j] * add_multiple<j - 1>(plane, tilt));
         });
       }
     });
   }
 }
 
-// Four values per node and the diagonal of the operator, which is separable: with W_n = w_n^2 and K_n = g_n^2,
+// Values of the nodes and the diagonal of the operator, which is separable: with W_n = w_n^2 and K_n = g_n^2,
 // g_n the slopes, A_ii = (k scale^2 h^-2) (K_x W_y W_z + W_x K_y W_z + W_x W_y K_z) + a W_x W_y W_z.
-template <class Kernel, int Dim, class T>
+template <class Kernel, int Values, int Dim, class T>
 void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, const T (*centre)[chunk_particles],
                         const T* conductivity, const T* reaction, T* tile, T* diagonal_tile) {
   constexpr int side = Tile<Kernel, Dim, T>::side;
@@ -203,8 +205,8 @@ void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, 
         K[a][n] = g[n] * g[n];
       }
     }
-    const Row<T> w = Row<T>::spread(load_quad(r.w[Dim - 1]));
-    const Row<T> values = w * Row<T>::repeat(Quad<T>{q[0][p], q[1][p], q[2][p], q[3][p]});
+    Quad<T> values[Values];  // of the row's nodes, one behind the other
+    unrolled<row_nodes * Values>([&](auto k) { values[k / 4][k % 4] = r.w[Dim - 1][k / Values] * q[k % Values][p]; });
     const Quad<T> square = conductivity[p] * load_quad(W[Dim - 1]), moment = conductivity[p] * load_quad(K[Dim - 1]) + reaction[p] * load_quad(W[Dim - 1]);
     for (int i = 0; i < Kernel::support; ++i)
       for (int j = 0; j < (Dim == 2 ? 1 : Kernel::support); ++j) {
@@ -215,10 +217,8 @@ void scatter_value_rows(const ScalarRow<T>* rows, int count, const T* const* q, 
           squares *= W[1][j];
           weight *= r.w[1][j];
         }
-        T* row = tile + node * node_values;
-        (Row<T>::load(row) + weight * values).store(row);
-        const Quad<T> sum = load_quad(diagonal_tile + node) + moments * square + squares * moment;
-        std::memcpy(diagonal_tile + node, &sum, sizeof(sum));
+        for (int k = 0; k < Values; ++k) add_quad<T>(tile + node * Values + 4 * k, weight * values[k]);
+        add_quad<T>(diagonal_tile + node, moments * square + squares * moment);
       }
   }
 }
@@ -269,10 +269,10 @@ void scatter_slopes(const ScalarRow<T>* rows, int count, T* tile) {
 
 }  // namespace
 
-template <class Kernel, int Dim, class T>
+template <class Kernel, int Values, int Dim, class T>
 void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
                     ValueSource<T>& source, T* nodes, T* diagonal) {
-  Tile<Kernel, Dim, T> tile;
+  Tile<Kernel, Dim, T, Values> tile;
   Tile<Kernel, Dim, T, 1> diagonal_tile;
   std::vector<ScalarRow<T>> rows(chunk_particles);
   alignas(64) T centre[Dim][chunk_particles], storage[node_values + 2][chunk_particles];
@@ -291,7 +291,7 @@ void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const st
       place<Kernel, Dim>(grid.geometry, grid.topology.first_node(range.slot), positions.x, begin, end, rows.data(),
                          centre);
       for (Index p = 0; p < end - begin; ++p) conductivity[p] *= static_cast<T>(scale * scale);
-      scatter_value_rows<Kernel, Dim>(rows.data(), end - begin, q, centre, conductivity, reaction, tile.data,
+      scatter_value_rows<Kernel, Values, Dim>(rows.data(), end - begin, q, centre, conductivity, reaction, tile.data,
                                       diagonal_tile.data);
     }
     tile.scatter_add(grid.topology, range.slot, nodes);
@@ -380,9 +380,12 @@ void gather_value(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std:
   gather<Kernel, false>(grid, body, ranges, x, sink);
 }
 
+#define MPM_INSTANTIATE_VALUES(Kernel, Dim, T, Values)                                                                       \
+  template void scatter_values<Kernel, Values, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&,    \
+                                                       ValueSource<T>&, T*, T*);
 #define MPM_INSTANTIATE(Kernel, Dim, T)                                                                                      \
-  template void scatter_values<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&,            \
-                                               ValueSource<T>&, T*, T*);                                                     \
+  MPM_INSTANTIATE_VALUES(Kernel, Dim, T, 2)                                                                                  \
+  MPM_INSTANTIATE_VALUES(Kernel, Dim, T, node_values)                                                                        \
   template void apply_operator<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&,            \
                                                const OperatorColumns<T>&, const T*, T*);                                     \
   template void gather_scalar<Kernel, Dim, T>(const ScalarGrid<Dim>&, const Body<Dim>&, const std::vector<int>&, const T*,   \
@@ -391,5 +394,6 @@ void gather_value(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std:
                                              ValueSink<T>&);
 MPM_FOR_SCALAR_TRANSFERS(MPM_INSTANTIATE)
 #undef MPM_INSTANTIATE
+#undef MPM_INSTANTIATE_VALUES
 
 }  // namespace mpm

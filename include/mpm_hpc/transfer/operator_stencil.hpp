@@ -39,7 +39,7 @@ struct OperatorStencil {
   }
 };
 
-// What scatter_values does, with the first of the four values only or with all (Values = 1 or 4 per node), and the
+// What scatter_values does, with 1, 2 or 4 values per node, and the
 // operator's stencil in the same sweep: stencil[OperatorStencil::index(...)] += A_ij.
 // touched[slot] = 1 for the blocks that have entries; those of the others are undefined, and become 0 when they are first
 // touched, which is just before they are wanted in the cache.

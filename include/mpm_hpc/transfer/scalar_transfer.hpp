@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mpm_hpc/fields/body.hpp"
+#include "mpm_hpc/fields/grid_fields.hpp"
 #include "mpm_hpc/fields/grid_geometry.hpp"
 
 namespace mpm {
@@ -29,7 +30,8 @@ template <class T>
 class ValueSource {
  public:
   virtual ~ValueSource() = default;
-  // q[c][p - begin], four values per particle; conductivity[p - begin] = k_p and reaction[p - begin] = a_p.
+  // q[c][p - begin], node_values values per particle, of which the first `Values` are wanted; the others' arrays are there to be
+  // written as well. conductivity[p - begin] = k_p and reaction[p - begin] = a_p.
   virtual void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) = 0;
 };
 
@@ -43,8 +45,8 @@ class ValueSink {
   virtual void values(Index begin, Index end, const T* value, const T* const* gradient) = 0;
 };
 
-// nodes[n * node_values + c] += sum_p w_ip q_c, and diagonal[n] += A_nn.
-template <class Kernel, int Dim, class T>
+// nodes[n * Values + c] += sum_p w_ip q_c with 2 or 4 values per node, and diagonal[n] += A_nn.
+template <class Kernel, int Values = node_values, int Dim, class T>
 void scatter_values(const ScalarGrid<Dim>& grid, const Body<Dim>& body, const std::vector<int>& ranges,
                     ValueSource<T>& source, T* nodes, T* diagonal);
 

@@ -5,25 +5,24 @@
 
 namespace mpm {
 
-// Only the sums that project_phase needs.
+// Only the sums that project_phase needs, by the undeformed volume, over which the energy is summed.
 template <int Dim>
 template <class T>
 class PhaseField<Dim>::PhaseOnly final : public ValueSource<T> {
  public:
   PhaseOnly(const FieldSet& f, const BodyPart& part)
-      : mass_(f.template data<T>(core::mass)), phase_(f.template data<T>(part.phase)) {}
+      : volume_(f.template data<T>(core::volume)), phase_(f.template data<T>(part.phase)) {}
   void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) override {
     using System = PhaseSystem<Dim>;
     for (Index p = begin; p < end; ++p) {
-      const T present = mass_[p] > 0 ? T(1) : T(0);
-      q[System::mass_term][p - begin] = q[System::right_hand_side][p - begin] = conductivity[p - begin] = reaction[p - begin] = 0;
-      q[System::weighted_phase][p - begin] = present * phase_[p];
-      q[System::weight][p - begin] = present;
+      q[System::volume][p - begin] = volume_[p];
+      q[System::phase][p - begin] = volume_[p] * phase_[p];
+      q[System::drive][p - begin] = conductivity[p - begin] = reaction[p - begin] = 0;
     }
   }
 
  private:
-  const T *mass_, *phase_;
+  const T *volume_, *phase_;
 };
 
 namespace {
@@ -53,9 +52,11 @@ void PhaseField<Dim>::sum_phase(State<Dim>& state) {
       const Body<Dim>& body = state.bodies[part.body];
       PhaseOnly<T> source(body.particles, part);
       with_kernel(state.transfer.kernel, [&](auto kernel) {
-        for (const auto* ranges : {&body.boundary, &body.interior})
-          scatter_values<decltype(kernel)>(grid, body, *ranges, source, fields.template data<T>(system_->values()),
-                                           fields.template data<T>(system_->diagonal()));
+        system_->with_values([&](auto count) {
+          for (const auto* ranges : {&body.boundary, &body.interior})
+            scatter_values<decltype(kernel), count>(grid, body, *ranges, source, fields.template data<T>(system_->values()),
+                                                    fields.template data<T>(system_->diagonal()));
+        });
       });
     }
   });

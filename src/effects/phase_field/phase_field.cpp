@@ -152,13 +152,13 @@ void PhaseField<Dim>::declare_fields(State<Dim>& state) {
           where_);
   using Form = typename PhaseSystem<Dim>::Form;
   const Form form = operator_ == "matrix_free" ? Form::particles : operator_ == "stencil" ? Form::stencil : Form::matrix;
-  // Without mobility and with the reaction at the particles, M_ii and r_i are the same sum.
+  // Without mobility and with the reaction at the particles, M_ii and r_i are the volume.
   using Sums = typename PhaseSystem<Dim>::Sums;
-  const bool same_sum = !mobility_ && !lumped_ && !by_increment_ && form != Form::particles;
+  const Sums sums = lumped_ ? Sums::all : mobility_ || by_increment_ || form == Form::particles ? Sums::with_phase : Sums::volume;
   using Entries = typename PhaseSystem<Dim>::Entries;
   const bool single_entries =
       form == Form::stencil && single_entries_suffice(solver_options_.relative_tolerance, length / spacing);
-  system_ = std::make_unique<PhaseSystem<Dim>>(state, form, same_sum ? Sums::mass_only : Sums::all,
+  system_ = std::make_unique<PhaseSystem<Dim>>(state, form, sums,
                                                single_entries ? Entries::single : Entries::as_run, solver_options_);
   system_->set_parts(std::move(system_parts), &active_);
 }
@@ -202,16 +202,13 @@ void PhaseField<Dim>::join(StepHooks<Dim>& hooks) {
   require(passes_ == 1,
           "{}: passes = {} needs time.integrator = \"implicit\" or \"quasi_static\"; an explicit step has one pass",
           where_, passes_);
-  hooks.before_p2g.push_back([this](State<Dim>& s) {
-    find_active(s);
-    system_->begin(s);
-  });
+  hooks.before_p2g.push_back([this](State<Dim>& s) { begin(s); });
   hooks.on_p2g.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { scatter(s, b, r); });
   hooks.on_grid.push_back([this](State<Dim>& s) { solve(s); });
   hooks.on_g2p.push_back([this](State<Dim>& s, std::size_t b, const std::vector<int>& r) { update(s, b, r); });
 }
 
-// The four sums of a particle and its conductivity, from its present deformation and phase.
+// What a particle gives to the system, from its present deformation and phase.
 template <int Dim>
 template <class T>
 class PhaseField<Dim>::Source final : public ValueSource<T> {
@@ -219,12 +216,10 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
   Source(const State<Dim>& state, const BodyPart& part, bool running_maximum, bool lumped)
       : material_(state.material_of(part.body)),
         law_(part.law),
-        dt_(state.dt),
         running_maximum_(running_maximum),
         lumped_(lumped) {
     const FieldSet& f = state.bodies[part.body].particles;
     columns_ = material_columns<T>(state, part.body);
-    mass_ = f.template data<T>(core::mass);
     volume_ = f.template data<T>(core::volume);
     phase_ = f.template data<T>(part.phase);
     conductivity_ = part.conductivity == no_field ? nullptr : f.template data<T>(part.conductivity);
@@ -253,7 +248,7 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
   void values(Index begin, Index end, T* const* q, T* conductivity, T* reaction) override {
     using S = Pack<T>;
     using System = PhaseSystem<Dim>;
-    T* energy = q[System::mass_term];
+    T* energy = q[System::drive];
     driving_energy(begin, end, energy);
     for (Index p = begin; p < end; p += pack_width<T>) {
       const Index i = p - begin;
@@ -263,18 +258,15 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
         prefetch_next_chunk(columns_.F[c], p);
       }
       prefetch_next_chunk(volume_, p);
-      prefetch_next_chunk(mass_, p);
       prefetch_next_chunk(phase_, p);
       const S volume = determinant(F) * load<S>(volume_ + p), phase = load<S>(phase_ + p);
-      const S present = select_less<S>(S::Zero(), load<S>(mass_ + p), S::Ones(), S::Zero());
       const S k = volume * static_cast<T>(law_.conductivity());
-      const S drive = volume * law_.drive(load<S>(energy + i)), storage = volume * static_cast<T>(law_.storage(dt_));
-      store(q[System::mass_term] + i, lumped_ ? S(storage + drive) : storage);
+      const S drive = volume * law_.drive(load<S>(energy + i));
+      store(q[System::volume] + i, volume);
+      store(q[System::phase] + i, S(volume * phase));
+      store(q[System::drive] + i, drive);
       store(reaction + i, lumped_ ? S::Zero() : drive);
       if (reaction_) store(reaction_ + p, drive);
-      store(q[System::right_hand_side] + i, S(volume * law_.right_hand_side(phase, dt_)));
-      store(q[System::weighted_phase] + i, S(present * phase));
-      store(q[System::weight] + i, present);
       store(conductivity + i, k);
       if (conductivity_) store(conductivity_ + p, k);
     }
@@ -290,12 +282,17 @@ class PhaseField<Dim>::Source final : public ValueSource<T> {
 
   const Material<Dim>& material_;
   const PhaseLaw& law_;
-  Real dt_;
   bool running_maximum_, lumped_;
   MaterialColumns<Dim, T> columns_;
-  const T *mass_, *volume_, *phase_;
+  const T *volume_, *phase_;
   T *conductivity_, *reaction_, *history_;
 };
+
+template <int Dim>
+void PhaseField<Dim>::begin(State<Dim>& state) {
+  find_active(state);
+  system_->begin(state, parts_.front().law.memory(state.dt));
+}
 
 template <int Dim>
 void PhaseField<Dim>::find_active(State<Dim>& state) {

@@ -25,8 +25,14 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries e
       kernel_(state.transfer.kernel),
       solver_(state.communicator(), options_prefix, options) {
   GridFields& f = state.fields;
-  values_ = f.add({.name = "phase_sums", .units = "1", .components = 4, .halo_components = 4, .sums_ghosts = sums == Sums::all});
-  if (sums == Sums::mass_only) mass_sum_ = f.add({.name = "phase_mass", .units = "1", .sums_ghosts = true});
+  with_values([&](auto values) {
+    values_ = f.add({.name = "phase_sums",
+                     .units = "m^d",
+                     .components = values,
+                     .halo_components = std::min<int>(values, drive + 1),
+                     .sums_ghosts = sums != Sums::volume});
+  });
+  if (sums == Sums::volume) volume_sum_ = f.add({.name = "phase_volume", .units = "m^d", .sums_ghosts = true});
   diagonal_ = f.add({.name = "phase_diagonal", .units = "1", .sums_ghosts = true});
   result_ = f.add({.name = "phase_result", .units = "1", .fills_ghosts = true});
   if (form_ == Form::matrix) {
@@ -41,12 +47,12 @@ PhaseSystem<Dim>::PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries e
 
 template <int Dim>
 std::vector<FieldId> PhaseSystem<Dim>::sums() const {
-  if (sums_ == Sums::mass_only) return {mass_sum_, diagonal_};
-  return {values_, diagonal_};
+  return {sums_ == Sums::volume ? volume_sum_ : values_, diagonal_};
 }
 
 template <int Dim>
-void PhaseSystem<Dim>::begin(const State<Dim>& state) {
+void PhaseSystem<Dim>::begin(const State<Dim>& state, Real m) {
+  memory_ = m;
   if (form_ == Form::particles) return;
   const std::size_t block = with_stencil([](auto stencil) { return decltype(stencil)::block_values; }) *
                             (single_entries_ ? sizeof(float) : sizeof(double));
@@ -66,16 +72,18 @@ void PhaseSystem<Dim>::scatter(State<Dim>& state, std::size_t body, const std::v
   with_kernel(kernel_, [&](auto kernel) {
     using Kernel = decltype(kernel);
     if (form_ == Form::particles) {
-      scatter_values<Kernel>(grid, particles, ranges, source, values, diagonal);
+      with_values([&](auto count) { scatter_values<Kernel, count>(grid, particles, ranges, source, values, diagonal); });
       return;
     }
     with_entries<T>([&](auto* entries) {
-      if (sums_ == Sums::all) {
-        scatter_values_and_stencil<Kernel, node_values>(grid, particles, ranges, source, values, diagonal, entries, touched_);
-      } else {
-        scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(mass_sum_),
+      if (sums_ == Sums::volume) {
+        scatter_values_and_stencil<Kernel, 1>(grid, particles, ranges, source, state.fields.template data<T>(volume_sum_),
                                               diagonal, entries, touched_);
+        return;
       }
+      with_values([&](auto count) {
+        scatter_values_and_stencil<Kernel, count>(grid, particles, ranges, source, values, diagonal, entries, touched_);
+      });
     });
   });
 }
@@ -102,23 +110,27 @@ template <int Dim>
 template <class T>
 void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
   const T* sums = state.fields.template data<T>(values_);
-  const T* mass = sums_ == Sums::mass_only ? state.fields.template data<T>(mass_sum_) : nullptr;
-  const bool has_phase = !mass || starts_from_values(state);
+  const T* volumes = sums_ == Sums::volume ? state.fields.template data<T>(volume_sum_) : nullptr;
+  const bool has_phase = !volumes || starts_from_values(state);
   const std::size_t owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
-  rows_.clear();
-  mass_.clear();
-  rhs_.clear();
-  start_.clear();
-  for (std::size_t i = 0; i < owned; ++i) {
-    const T* node = sums + i * node_values;
-    if (!(mass ? mass[i] > 0 : node[weight] > 0)) continue;
-    rows_.push_back(i);
-    mass_.push_back(mass ? mass[i] : node[mass_term]);
-    rhs_.push_back(mass ? mass[i] : node[right_hand_side]);
-    start_.push_back(has_phase && node[weight] > 0
-                         ? static_cast<Real>(node[weighted_phase]) / static_cast<Real>(node[weight])
-                         : 1.0);
-  }
+  std::size_t rows = 0;
+  const auto resize = [this](std::size_t size) {
+    rows_.resize(size);
+    for (std::vector<Real>* v : {&mass_, &rhs_, &start_}) v->resize(size);
+  };
+  resize(owned);
+  with_values([&](auto count) {
+    const T* node = sums;
+    for (std::size_t i = 0; i < owned; ++i, node += count) {
+      const Real all = volumes ? volumes[i] : node[volume];
+      if (!(all > 0)) continue;
+      rows_[rows] = i;
+      mass_[rows] = all + memory_ * all + (sums_ == Sums::all ? node[drive] : 0);
+      rhs_[rows] = all + (volumes ? 0 : memory_ * node[phase]);
+      start_[rows++] = has_phase && node[volume] > 0 ? static_cast<Real>(node[phase]) / static_cast<Real>(node[volume]) : 1.0;
+    }
+  });
+  resize(rows);
 }
 
 // y = (M + H) x. Ghosts of x come while the part that needs none is under way. Nodes without a row hold 0 in `result_`.
@@ -257,7 +269,7 @@ int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
 
 template <int Dim>
 bool PhaseSystem<Dim>::starts_from_values(const State<Dim>& state) const {
-  return sums_ == Sums::mass_only && last_sort_ != state.distribution.sorts();
+  return sums_ == Sums::volume && last_sort_ != state.distribution.sorts();
 }
 
 template <int Dim>
@@ -292,10 +304,12 @@ void PhaseSystem<Dim>::project_phase(State<Dim>& state) {
     using T = decltype(zero);
     state.fields.zero(result_);
     const T* node = state.fields.template data<T>(values_);
-    T* phase = state.fields.template data<T>(result_);
+    T* result = state.fields.template data<T>(result_);
     const std::size_t owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
-    for (std::size_t i = 0; i < owned; ++i, node += node_values)
-      if (node[weight] > 0) phase[i] = node[weighted_phase] / node[weight];
+    with_values([&](auto count) {
+      for (std::size_t i = 0; i < owned; ++i, node += count)
+        if (node[Value::volume] > 0) result[i] = node[Value::phase] / node[Value::volume];
+    });
   });
   state.halo().fill(state.fields, {result_});
 }

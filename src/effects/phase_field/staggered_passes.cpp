@@ -20,8 +20,7 @@ template <int Dim>
 void PhaseField<Dim>::pass(State<Dim>& state) {
   auto s = state.timers.scope("phase field");
   const std::vector<FieldId> sums = system_->sums();
-  find_active(state);
-  system_->begin(state);
+  begin(state);
   for (const FieldId f : sums) state.fields.zero(f);
   for (const bool boundary : {true, false}) {
     for (std::size_t b = 0; b < state.bodies.size(); ++b)

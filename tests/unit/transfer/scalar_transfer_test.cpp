@@ -84,8 +84,11 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
   const FieldId diagonal2 = fields.add({.name = "diagonal again", .units = "1"}), y2 = fields.add({.name = "product by stencil", .units = "1"});
   const FieldId first = fields.add({.name = "first value", .units = "1"});
   const FieldId diagonal1 = fields.add({.name = "diagonal with it", .units = "1"});
+  // The first two values, from both sweeps.
+  const FieldId two = fields.add({.name = "two values", .units = "1", .components = 2}), two2 = fields.add({.name = "two values again", .units = "1", .components = 2});
+  const FieldId unused = fields.add({.name = "diagonals with them", .units = "1"});
   fields.resize(static_cast<std::size_t>(topology.size()) * nodes_per_block<Dim>);
-  for (FieldId f : {nodes, diagonal, x, y, nodes2, diagonal2, y2, first, diagonal1}) fields.zero(f);
+  for (FieldId f : {nodes, diagonal, x, y, nodes2, diagonal2, y2, first, diagonal1, two, two2, unused}) fields.zero(f);
   // The particles' volume serves as conductivity (0 for padding), their mass as the scattered value and, scaled up so
   // that it is seen beside k / h^2, as reaction.
   const T* conductivity = body.particles.template data<T>(core::volume);
@@ -117,6 +120,12 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
   std::vector<char> touched1(topology.size(), 0);
   scatter_values_and_stencil<Kernel, 1>(grid, body, all_ranges(body), source, fields.template data<T>(first),
                                                  fields.template data<T>(diagonal1), stencil1.data(), touched1);
+  scatter_values<Kernel, 2>(grid, body, all_ranges(body), source, fields.template data<T>(two), fields.template data<T>(unused));
+  std::vector<Entry> stencil2(stencil.size());
+  std::vector<char> touched2(topology.size(), 0);
+  scatter_values_and_stencil<Kernel, 2>(grid, body, all_ranges(body), source, fields.template data<T>(two2),
+                                        fields.template data<T>(unused), stencil2.data(), touched2);
+  EXPECT_EQ(stencil2, stencil);
   EXPECT_EQ(touched1, touched);
   for (std::size_t i = 0; i < stencil1.size(); ++i) ASSERT_EQ(stencil1[i], stencil[i]);
   std::vector<Slot> blocks;
@@ -176,6 +185,9 @@ TYPED_TEST(Scalar, EqualsPlainSums) {
       for (int c = 0; c < 4; ++c)
         for (const FieldId f : {nodes, nodes2})
           EXPECT_NEAR(fields.template data<T>(f)[4 * k + c], (c + 1) * values[i], 100 * tolerance);
+      for (int c = 0; c < 2; ++c)
+        for (const FieldId f : {two, two2})
+          EXPECT_NEAR(fields.template data<T>(f)[2 * k + c], (c + 1) * values[i], 100 * tolerance);
       EXPECT_NEAR(fields.template data<T>(first)[k], values[i], 100 * tolerance);
       EXPECT_NEAR(fields.template data<T>(diagonal)[k], diag[i], tolerance * scale * 10);
       for (const FieldId f : {diagonal1, diagonal2})

@@ -49,6 +49,7 @@ class PhaseField final : public Effect<Dim> {
 
   StaggeredField<Dim> staggered();
   void pass(State<Dim>& state);
+  void begin(State<Dim>& state);
   void find_active(State<Dim>& state);
   void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges);
   void solve(State<Dim>& state);

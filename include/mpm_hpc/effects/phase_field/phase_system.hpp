@@ -26,9 +26,9 @@ class PhaseSystem {
     FieldId conductivity, reaction = no_field;
   };
   static constexpr const char* options_prefix = "phase_";  // of its PETSc options
-  // What the particles give to the nodes: all four of Value, or mass_term alone, if right_hand_side is the same and the
-  // result is a value. Then values() is for project_phase() only.
-  enum class Sums { all, mass_only };
+  // What the particles give to the nodes: the first of Value alone, if the reaction isn't lumped and c^n isn't known to the
+  // equation (values() is for project_phase() only, then); the first two; or all, for lumped reactions.
+  enum class Sums { volume, with_phase, all };
   // Precision of the stencil's entries: the run's own, or single where this leaves an error well below the tolerance.
   enum class Entries { as_run, single };
   PhaseSystem(State<Dim>& state, Form form, Sums sums, Entries entries, const LinearSolverOptions& options);
@@ -38,29 +38,42 @@ class PhaseSystem {
     active_ = active;
   }
 
-  // Forgets the last step's operator; before the step's first scatter.
-  void begin(const State<Dim>& state);
+  // Forgets the last step's operator; before the step's first scatter. M_ii = sum_p w_ip V_p (1 + m + d_p) with d_p the lumped
+  // drive, r_i = sum_p w_ip V_p (1 + m c_p).
+  void begin(const State<Dim>& state, Real m);
   // What some of a body's particles add to the system.
   template <class T>
   void scatter(State<Dim>& state, std::size_t body, const std::vector<int>& ranges, ValueSource<T>& source);
 
-  // Grid fields: four sums per node and the operator's diagonal, filled by the particles in P2G ...
+  // Grid fields: sums per node and the operator's diagonal, filled by the particles in P2G ...
   FieldId values() const { return values_; }
-  // With mass_only: whether the next solve starts from values(), which somebody must fill before. The same on all ranks.
+  // With Sums::volume: whether the next solve starts from values(), which somebody must fill before. The same on all ranks.
   bool starts_from_values(const State<Dim>& state) const;
   FieldId diagonal() const { return diagonal_; }
   // All that the particles fill and the halo sums.
   std::vector<FieldId> sums() const;
   // ... and what comes back to them, which the halo fill carries.
   FieldId result() const { return result_; }
-  enum Value { mass_term, right_hand_side, weighted_phase, weight };
+  // V_p, V_p c_p, and V_p times the lumped drive.
+  enum Value { volume, phase, drive };
 
-  // What a solve leaves in result() on the owned nodes with weight.
-  enum class Result { value, increment };  // c^{n+1}; c^{n+1} - c^n with c^n = sum w c / sum w
+  // What a solve leaves in result() on the owned nodes with particles near them: c^{n+1} or c^{n+1} - c^n, where
+  // c^n = sum w V c / sum w V is what the equation's time derivative starts from. With another mean, such as the plain one of
+  // physics.md section 5, c would change by the difference of the two in each step, however short, and only downwards.
+  enum class Result { value, increment };
 
   // Returns the number of iterations. Collective.
   int solve(State<Dim>& state, Result result);
-  // Leaves c^n = sum w c / sum w of values() in result(), with the ghosts filled. Collective.
+  // f(Values()) for the number of values() per node.
+  template <class F>
+  void with_values(F&& f) const {
+    if (sums_ == Sums::all) {
+      f(std::integral_constant<int, node_values>());
+    } else {
+      f(std::integral_constant<int, 2>());
+    }
+  }
+  // Leaves c^n of values() in result(), with the ghosts filled. Collective.
   void project_phase(State<Dim>& state);
 
   MemoryAccount memory() const;  // without the grid fields
@@ -96,10 +109,11 @@ class PhaseSystem {
   Sums sums_;
   bool single_entries_;
   KernelKind kernel_;
+  Real memory_ = 0;  // m
   LinearSolver solver_;
   std::vector<Part> parts_;
   const ActiveSet<Dim>* active_ = nullptr;
-  FieldId values_, mass_sum_ = no_field, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
+  FieldId values_, volume_sum_ = no_field, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
   std::vector<std::size_t> rows_;  // node of each row: slot * nodes_per_block + node in block
   std::vector<Real> mass_, rhs_, solution_, start_;
   // The last solution by owned node and its change since the one before, a far better start than the smoothed c^n; no_value
