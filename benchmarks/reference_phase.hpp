@@ -125,7 +125,7 @@ class ReferencePhase {
     const Real energy = std::max(start_.least_energy[p], material_.energy_plus<Dim>(particle.F));
     const Real reaction = volume * law_.drive(energy), conductivity = volume * law_.conductivity();
     const Real storage = volume * law_.storage(dt),
-               source = volume * law_.right_hand_side(start_.phase[p], dt);
+               source = volume * (1 + law_.memory(dt) * start_.phase[p]);
     const Real inverse_inertia = Kernel::inverse_inertia / (geometry_.spacing() * geometry_.spacing());
     PetscInt row[nodes];
     Real weight[nodes], value[nodes], block[nodes * nodes];

@@ -25,10 +25,6 @@ struct PhaseLaw {
   // m, how much the equation knows of c^n.
   double memory(double dt) const { return inverse_mobility / dt; }
   double storage(double dt) const { return 1 + memory(dt); }
-  template <class S>
-  S right_hand_side(const S& phase, double dt) const {
-    return broadcast<S>(1.0) + broadcast<S>(memory(dt)) * phase;
-  }
   // The energy at which a homogeneous c = 1 / (1 + 4 l0 (1 - r) H / G_c) has this value.
   double energy_for(double phase) const { return (1 / phase - 1) * toughness / (4 * length * (1 - residual)); }
   // L_s = 2 l0 sqrt(M_c dt / (1 + M_c dt)), over which a disturbance of c decays in one step [m].
