@@ -6,6 +6,7 @@ MARGIN = 2 * BLOCK_SIDE  # cells of the grid before the domain
 BELOW, ABOVE = 1, 3  # planes of nodes that a block's particles reach beyond it: one cell of drift, the quadratic stencil
 MAX_TABLE = 1 << 21  # entries of the owner table
 NODE_COMPONENTS = 4  # momentum and mass; velocity and mass on the way back
+PHASE_SUMS = 2  # volume, and volume times c
 
 
 def blocks_of_grid(domain_cells):
@@ -120,11 +121,11 @@ def active_rings(tolerance=1e-6):
 
 def traffic_per_step(phase, iterations_per_step=0.0, sorts_per_step=0.0, rings=0):
     """Values per ghost node and flags per ghost block that travel in a step, and the messages to each neighbour. With the
-    phase field (rate-independent, stencil operator): its mass and diagonal join the sum, c joins the fill; the solver applies
+    phase field (rate-independent, stencil operator): its volume and diagonal join the sum, c joins the fill; the solver applies
     the operator once more than it iterates, each time with one fill and one sum; after a sort the sums of the last phase
     travel once."""
     if not phase:
         return 2 * NODE_COMPONENTS, 0, 2
     applications = iterations_per_step + 1
-    return (2 * NODE_COMPONENTS + 3 + 2 * applications + NODE_COMPONENTS * sorts_per_step, rings,
+    return (2 * NODE_COMPONENTS + 3 + 2 * applications + PHASE_SUMS * sorts_per_step, rings,
             2 + 2 * applications + sorts_per_step + rings)
