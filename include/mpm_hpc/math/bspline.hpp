@@ -25,10 +25,14 @@ struct LinearKernel {
   static S inertia(const S& fx) {
     return fx * (broadcast<S>(1.0) - fx);
   }
+  // A particle on a node has a slope with the next node, which it gives no weight: at the edge of a body that node would have
+  // neither mass nor velocity, and particles would deform as if it stood still. So it gets a trace, less than a rounding error,
+  // whose momentum over its mass is the particle's velocity.
+  static constexpr double trace = 0x1p-60;
   template <class S>
   static void weights(const S& fx, S* w) {
     w[0] = broadcast<S>(1.0) - fx;
-    w[1] = fx;
+    w[1] = fx + broadcast<S>(trace);
   }
   // Derivatives by fx; divide by h for grad w.
   template <class S>
