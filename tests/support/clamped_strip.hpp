@@ -18,10 +18,12 @@ struct ClampedStrip {
   int height = 32;  // between the grips [cells]
 };
 
-// The crack's length gained in `steps` at W(u) = load times the toughness, once `settling` steps have opened the crack [cells].
+// The crack's length gained in `steps` at W(u) = load times the toughness, once `settling` steps have opened the crack [cells]: of
+// the undeformed strip, in whole rows of particles.
 inline Real run_of_crack(const ClampedStrip& strip, Real load, int steps, int settling = 10) {
   // Grips hold more than the kernel reaches. Strains near 1e-3.
   constexpr int grip = 4, ahead = 2;
+  constexpr Real row_length = 0.5;
   constexpr Real modulus = 1e9, poisson = 0.25, toughness_per_height = 500;
   const int N = strip.height, L = 3 * N;
   const Real constrained = modulus * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson));
@@ -73,7 +75,7 @@ inline Real run_of_crack(const ClampedStrip& strip, Real load, int steps, int se
     world.advance(world.state.time + 1, [] {});
     end = reach();
   }
-  return end - start;
+  return std::round((end - start) / row_length) * row_length + 0.0;  // no -0
 }
 
 // A crack may gain a cell where it stays, while its tip takes the shape that belongs to the load.

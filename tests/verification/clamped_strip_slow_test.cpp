@@ -5,12 +5,16 @@ using namespace mpm;
 
 namespace {
 
-TEST(ClampedStripSlow, RunsAtTheLoadThatPays) {
-  for (const KernelKind kernel : {KernelKind::linear, KernelKind::quadratic, KernelKind::cubic})
-    for (const bool lumped : {false, true})
-      for (const Real length : {0.5, 1.0, 2.0})
-        for (const Real shift : {0.0, 0.25})
-          test::check_load_of_running("6 fracture", {kernel, length, lumped, shift});
+void check(KernelKind kernel, Real shift) {
+  for (const bool lumped : {false, true})
+    for (const Real length : {0.5, 1.0, 2.0})
+      for (const Real place : {0.0, shift})
+        test::check_load_of_running("6 fracture", {kernel, length, lumped, place});
 }
+
+// Not at a quarter of a cell, which brings rows onto nodes, where this kernel has two slopes.
+TEST(ClampedStripSlow, LinearRunsAtTheLoadThatPays) { check(KernelKind::linear, 0.2); }
+TEST(ClampedStripSlow, QuadraticRunsAtTheLoadThatPays) { check(KernelKind::quadratic, 0.25); }
+TEST(ClampedStripSlow, CubicRunsAtTheLoadThatPays) { check(KernelKind::cubic, 0.25); }
 
 }  // namespace
