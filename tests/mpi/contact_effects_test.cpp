@@ -17,7 +17,7 @@ namespace {
 template <class C>
 class Contacts : public test::EffectsWorld<C> {};
 
-TYPED_TEST_SUITE(Contacts, test::EffectCases);
+TYPED_TEST_SUITE(Contacts, test::EveryCase);
 
 TYPED_TEST(Contacts, WallsActOnTheirSidesOnly) {
   IN_EFFECTS_WORLD;

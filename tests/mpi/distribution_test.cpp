@@ -15,7 +15,7 @@ constexpr Partitioner both_kinds_of_owners[] = {Partitioner::automatic, Partitio
 
 template <class C>
 using Distributed = test::DistributedBodies<C>;
-TYPED_TEST_SUITE(Distributed, test::DistributedCases);
+TYPED_TEST_SUITE(Distributed, test::EveryCase);
 
 TYPED_TEST(Distributed, ParticlesOutsideAreFoundWhereverTheyAre) {
   constexpr int Dim = TestFixture::Dim;

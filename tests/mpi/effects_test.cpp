@@ -16,7 +16,7 @@ namespace {
 template <class C>
 class Effects : public test::EffectsWorld<C> {};
 
-TYPED_TEST_SUITE(Effects, test::EffectCases);
+TYPED_TEST_SUITE(Effects, test::EveryCase);
 
 TYPED_TEST(Effects, GravityGivesWeightTimesTimeAndLeavesEmptyNodesAlone) {
   IN_EFFECTS_WORLD;

@@ -16,7 +16,7 @@ Communicator world() { return Communicator::world(); }
 
 template <class C>
 using Halos = test::DistributedBodies<C>;
-TYPED_TEST_SUITE(Halos, test::DistributedCases);
+TYPED_TEST_SUITE(Halos, test::EveryCase);
 
 TYPED_TEST(Halos, HaloSumAndFillEqualSerialOnes) {
   constexpr int Dim = TestFixture::Dim;

@@ -11,17 +11,9 @@
 #include "mpm_hpc/parallel/distribution.hpp"
 #include "support/all_ranks.hpp"
 #include "support/mpi_test.hpp"
+#include "support/typed_cases.hpp"
 
 namespace mpm::test {
-
-// A dimension and a precision.
-template <int D, class Number>
-struct DistributedCase {
-  static constexpr int Dim = D;
-  using T = Number;
-};
-using DistributedCases = testing::Types<DistributedCase<2, double>, DistributedCase<2, float>,
-                                        DistributedCase<3, double>, DistributedCase<3, float>>;
 
 template <int Dim>
 BlockKey node_key(const IntVec<Dim>& node) {

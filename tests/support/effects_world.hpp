@@ -1,20 +1,11 @@
 // A box of particles over all ranks, and effects made from scene text; tests set node values by hand.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "mpm_hpc/effects/effect.hpp"
 #include "support/mpi_test.hpp"
+#include "support/typed_cases.hpp"
 
 namespace mpm::test {
-
-template <int D, class Number>
-struct Case {
-  static constexpr int Dim = D;
-  using T = Number;
-};
-
-using EffectCases = testing::Types<Case<2, double>, Case<2, float>, Case<3, double>, Case<3, float>>;
 
 // Names of EffectsWorld in the body of a typed test.
 #define IN_EFFECTS_WORLD                              \
