@@ -144,14 +144,12 @@ class MaterialLoops final : public Material<Dim> {
       min_J = minimum<S>(min_J, select_less<S>(-infinity, J, J, -infinity));
       if constexpr (is_fluid) max_J = maximum<S>(max_J, select_less<S>(J, infinity, J, infinity));
     }
+    // No NaN is left that a reduction could lose.
     MaterialLimits limits(Real viscosity) const {
-      MaterialLimits limits;
-      for (int lane = 0; lane < PackTraits<S>::width; ++lane)
-        limits.include({.stiffness = stiffness[lane],
-                        .wave_modulus = wave_modulus[lane],
-                        .min_jacobian = min_J[lane],
-                        .viscosity = viscosity > 0 ? viscosity * max_J[lane] : 0});
-      return limits;
+      return {.stiffness = stiffness.maxCoeff(),
+              .wave_modulus = wave_modulus.maxCoeff(),
+              .min_jacobian = min_J.minCoeff(),
+              .viscosity = viscosity > 0 ? viscosity * max_J.maxCoeff() : 0};
     }
   };
 
