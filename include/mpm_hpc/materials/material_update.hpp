@@ -24,8 +24,6 @@ struct MaterialLimits {
   Real wave_modulus = 0;  // max over particles of a bound of max_a d tau_a / d ln s_a [Pa]; c^2 = this / rho0
   Real min_jacobian = std::numeric_limits<Real>::infinity();  // min over particles of det F [-]
   Real viscosity = 0;     // max over particles of J times the shear viscosity [Pa s]
-
-  void include(const MaterialLimits& other);
 };
 
 // A step, as a material knows it.

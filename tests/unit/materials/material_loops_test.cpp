@@ -137,13 +137,20 @@ TYPED_TEST(MaterialLoopsTest, SmallEnergiesKeepTheirDigits) {
     EXPECT_NEAR(this->out[0][p], 0.5 * test_mu * shear * shear, 1e-6 * 0.5 * test_mu * shear * shear);
 }
 
+// all becomes the extremes of both.
+void include(MaterialLimits& all, const MaterialLimits& one) {
+  all.stiffness = std::max(all.stiffness, one.stiffness);
+  all.wave_modulus = std::max(all.wave_modulus, one.wave_modulus);
+  all.min_jacobian = std::min(all.min_jacobian, one.min_jacobian);
+}
+
 TYPED_TEST(MaterialLoopsTest, LimitsAreTheExtremesOfTheParticles) {
   using T = typename TestFixture::T;
   const MaterialLimits limits = this->material.limits(this->columns(), this->begin, this->end);
   MaterialLimits expected;
   for (int p = this->begin; p < this->end; ++p) {
     const auto a = this->deformation(p);
-    expected.include({this->law.stiffness_bound(a), this->law.wave_modulus(a), determinant(a)});
+    include(expected, {this->law.stiffness_bound(a), this->law.wave_modulus(a), determinant(a)});
   }
   const double tolerance = 10 * std::numeric_limits<T>::epsilon();
   EXPECT_NEAR(limits.stiffness, expected.stiffness, tolerance * expected.stiffness);
@@ -156,8 +163,8 @@ TYPED_TEST(MaterialLoopsTest, LimitsAreTheExtremesOfTheParticles) {
     for (int p = this->begin; p < this->end; ++p) {
       const auto a = this->deformation(p);
       const double c = this->phase[0][p], g = (1 - residual) * c * c + residual;
-      of_weakened.include(
-          {this->law.stiffness_bound_degraded(a, g), this->law.wave_modulus_degraded(a, g), determinant(a)});
+      include(of_weakened,
+              {this->law.stiffness_bound_degraded(a, g), this->law.wave_modulus_degraded(a, g), determinant(a)});
     }
     EXPECT_NEAR(weakened.stiffness, of_weakened.stiffness, tolerance * expected.stiffness);
     EXPECT_NEAR(weakened.wave_modulus, of_weakened.wave_modulus, tolerance * expected.wave_modulus);
