@@ -12,6 +12,7 @@
 #include "support/all_ranks.hpp"
 #include "support/mpi_test.hpp"
 #include "support/scene_world.hpp"
+#include "support/typed_cases.hpp"
 
 namespace {
 
@@ -154,21 +155,18 @@ void expect_sent(const Expected& expected, GlobalIndex messages, GlobalIndex byt
   EXPECT_EQ(real, expected.messages) << "what MPI sent differs";
 }
 
-template <int D, class Number>
-struct Case {
-  static constexpr int Dim = D;
-  static constexpr bool single = sizeof(Number) == 4;
-  static constexpr int bytes = sizeof(Number);
-};
 template <class C>
-class Traffic : public testing::Test {};
-using Cases = testing::Types<Case<2, double>, Case<2, float>, Case<3, double>, Case<3, float>>;
-TYPED_TEST_SUITE(Traffic, Cases);
+class Traffic : public testing::Test {
+ public:
+  static constexpr int bytes = sizeof(typename C::T);
+  static constexpr bool single = std::is_same_v<typename C::T, float>;
+};
+TYPED_TEST_SUITE(Traffic, test::EveryCase);
 
 TYPED_TEST(Traffic, OfAnElasticStepFollowsFromThePartition) {
   constexpr int Dim = TypeParam::Dim;
   for (const std::string partitioner : {"auto", "curve"}) {
-    test::SceneWorld<Dim> world(scene_text<Dim>(TypeParam::single, 2.5, "", partitioner));
+    test::SceneWorld<Dim> world(scene_text<Dim>(TestFixture::single, 2.5, "", partitioner));
     State<Dim>& state = world.state;
     ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
     integrator.initialise(state);
@@ -187,8 +185,8 @@ TYPED_TEST(Traffic, OfAnElasticStepFollowsFromThePartition) {
       recording = false;
       if (state.distribution.sorts() != sorts) ghosts = count_ghosts(state, places);
       Expected expected;
-      expected.sum(ghosts, test::rank(), (Dim + 1) * TypeParam::bytes);
-      expected.fill(ghosts, test::rank(), (Dim + 1) * TypeParam::bytes);
+      expected.sum(ghosts, test::rank(), (Dim + 1) * TestFixture::bytes);
+      expected.fill(ghosts, test::rank(), (Dim + 1) * TestFixture::bytes);
       expect_sent(expected, state.halo().messages() - messages, state.halo().bytes() - bytes);
       all_bytes = expected.bytes;
       all_messages = expected.count;
@@ -218,8 +216,8 @@ TYPED_TEST(Traffic, OfAPhaseFieldStepFollowsFromThePartition) {
   constexpr int Dim = TypeParam::Dim;
   for (const bool mobility : {true, false}) {
     const std::string effect = std::string("[effect.phase_field]\nactive_tolerance = 0\n") + (mobility ? "mobility = 0.1\n" : "") +
-                               (TypeParam::single ? "tolerance = 1e-5\n" : "");
-    test::SceneWorld<Dim> world(scene_text<Dim>(TypeParam::single, 2, effect));
+                               (TestFixture::single ? "tolerance = 1e-5\n" : "");
+    test::SceneWorld<Dim> world(scene_text<Dim>(TestFixture::single, 2, effect));
     State<Dim>& state = world.state;
     ExplicitIntegrator<Dim> integrator(state, std::move(world.hooks), {});
     integrator.initialise(state);
@@ -242,11 +240,11 @@ TYPED_TEST(Traffic, OfAPhaseFieldStepFollowsFromThePartition) {
       if (sorted) ghosts = count_ghosts(state, places);
       const int iterations = static_cast<int>(state.solvers["phase_field"].iterations - iterations_before);
       Expected expected;
-      expected.sum(ghosts, test::rank(), (Dim + 1 + (mobility ? 3 : 2)) * TypeParam::bytes);
-      if (!mobility && (sorted || step == 0)) expected.sum(ghosts, test::rank(), 2 * TypeParam::bytes);
-      expected.fill(ghosts, test::rank(), TypeParam::bytes, iterations + 1);
-      expected.sum(ghosts, test::rank(), TypeParam::bytes, iterations + 1);
-      expected.fill(ghosts, test::rank(), (Dim + 1 + 1) * TypeParam::bytes);
+      expected.sum(ghosts, test::rank(), (Dim + 1 + (mobility ? 3 : 2)) * TestFixture::bytes);
+      if (!mobility && (sorted || step == 0)) expected.sum(ghosts, test::rank(), 2 * TestFixture::bytes);
+      expected.fill(ghosts, test::rank(), TestFixture::bytes, iterations + 1);
+      expected.sum(ghosts, test::rank(), TestFixture::bytes, iterations + 1);
+      expected.fill(ghosts, test::rank(), (Dim + 1 + 1) * TestFixture::bytes);
       expect_sent(expected, state.halo().messages() - messages, state.halo().bytes() - bytes);
       iterations_in_all += iterations;
       sorts_in_all += sorted;
@@ -263,13 +261,13 @@ TYPED_TEST(Traffic, OfAPhaseFieldStepFollowsFromThePartition) {
 // run.json tells what the steps sent, neither set-up nor output.
 TYPED_TEST(Traffic, OfARunIsThatOfItsSteps) {
   constexpr int Dim = TypeParam::Dim;
-  const std::string text = scene_text<Dim>(TypeParam::single, 0);
+  const std::string text = scene_text<Dim>(TestFixture::single, 0);
   test::SceneWorld<Dim> world(text);
   const GhostCounts ghosts = count_ghosts(world.state, places_of_all(world));
   Expected expected;
   for (int rank = 0; rank < test::size(); ++rank) {
-    expected.sum(ghosts, rank, (Dim + 1) * TypeParam::bytes);
-    expected.fill(ghosts, rank, (Dim + 1) * TypeParam::bytes);
+    expected.sum(ghosts, rank, (Dim + 1) * TestFixture::bytes);
+    expected.fill(ghosts, rank, (Dim + 1) * TestFixture::bytes);
   }
   test::SharedTemporaryFolder folder;
   Parameters parameters = Parameters::read_text(text, "scene.toml");

@@ -1,26 +1,19 @@
 // Eigenvalues of packs of tensors against Eigen's solver, one tensor at a time.
 #include "mpm_hpc/math/symmetric_eigen.hpp"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <random>
 
 #include "mpm_hpc/base/types.hpp"
+#include "support/typed_cases.hpp"
 
 namespace mpm {
 namespace {
 
-template <int D, class T_>
-struct Case {
-  static constexpr int dim = D;
-  using T = T_;
-};
 template <class C>
 struct SymmetricEigenTest : testing::Test {};
-using Cases = testing::Types<Case<2, double>, Case<3, double>, Case<2, float>, Case<3, float>>;
-TYPED_TEST_SUITE(SymmetricEigenTest, Cases);
+TYPED_TEST_SUITE(SymmetricEigenTest, test::EveryCase);
 
 // Random, repeated and nearly repeated values, strong compression and stretch, diagonal tensors, negative values, zero.
 template <int Dim>
@@ -64,7 +57,7 @@ std::vector<Mat<Dim>> samples() {
 }
 
 TYPED_TEST(SymmetricEigenTest, EqualsEigensSolver) {
-  constexpr int Dim = TypeParam::dim;
+  constexpr int Dim = TypeParam::Dim;
   using T = typename TypeParam::T;
   using S = Pack<T>;
   constexpr int W = pack_width<T>;
@@ -105,7 +98,7 @@ TYPED_TEST(SymmetricEigenTest, EqualsEigensSolver) {
 }
 
 TYPED_TEST(SymmetricEigenTest, ANaNStaysInItsLane) {
-  constexpr int Dim = TypeParam::dim;
+  constexpr int Dim = TypeParam::Dim;
   using T = typename TypeParam::T;
   using S = Pack<T>;
   SymTensor<S, Dim> A;

@@ -1,26 +1,20 @@
 // Logarithms of packs of tensors against those of their eigenvalues, on both sides of where the series ends.
 #include "mpm_hpc/math/symmetric_log.hpp"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Eigenvalues>
 #include <random>
+
+#include "support/typed_cases.hpp"
 
 namespace mpm {
 namespace {
 
-template <int D, class T_>
-struct Case {
-  static constexpr int dim = D;
-  using T = T_;
-};
 template <class C>
 struct SymmetricLogTest : testing::Test {};
-using Cases = testing::Types<Case<2, double>, Case<3, double>, Case<2, float>, Case<3, float>>;
-TYPED_TEST_SUITE(SymmetricLogTest, Cases);
+TYPED_TEST_SUITE(SymmetricLogTest, test::EveryCase);
 
 TYPED_TEST(SymmetricLogTest, IsTheLogarithmOfTheEigenvalues) {
-  constexpr int Dim = TypeParam::dim;
+  constexpr int Dim = TypeParam::Dim;
   using T = typename TypeParam::T;
   using S = Pack<T>;
   std::mt19937 generator(11);
@@ -56,7 +50,7 @@ TYPED_TEST(SymmetricLogTest, IsTheLogarithmOfTheEigenvalues) {
 }
 
 TYPED_TEST(SymmetricLogTest, OfTheUnitTensorIsZeroAndNearItExact) {
-  constexpr int Dim = TypeParam::dim;
+  constexpr int Dim = TypeParam::Dim;
   using T = typename TypeParam::T;
   SymTensor<T, Dim> unit;
   for (int i = 0; i < Dim; ++i)
