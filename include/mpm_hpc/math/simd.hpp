@@ -58,13 +58,28 @@ inline NativeVector<To, Width> load_converted(const From* from) {
   return converted<To, From>(raw, std::make_integer_sequence<int, Width>());
 }
 
-// Converts Width numbers, a register at a time.
+// Converts Width numbers, a register at a time. A register made of two narrower ones is joined before it is stored: the
+// machine can't load what two stores have written until both have reached the cache.
+template <class T, int... I>
+inline NativeVector<T, sizeof...(I)> joined(const NativeVector<T, sizeof...(I) / 2>& a,
+                                            const NativeVector<T, sizeof...(I) / 2>& b,
+                                            std::integer_sequence<int, I...>) {
+  return __builtin_shufflevector(a, b, I...);
+}
 template <int Width, class From, class To>
 inline void convert(const From* from, To* to) {
   constexpr int step = std::min(register_width<From, Width>, register_width<To, Width>);
-  for (int i = 0; i < Width; i += step) {
-    const auto part = load_converted<step, To>(from + i);
-    std::memcpy(to + i, &part, sizeof(part));
+  if constexpr (register_width<To, Width> == 2 * step) {
+    for (int i = 0; i < Width; i += 2 * step) {
+      const auto both = joined<To>(load_converted<step, To>(from + i), load_converted<step, To>(from + i + step),
+                                   std::make_integer_sequence<int, 2 * step>());
+      std::memcpy(to + i, &both, sizeof(both));
+    }
+  } else {
+    for (int i = 0; i < Width; i += step) {
+      const auto part = load_converted<step, To>(from + i);
+      std::memcpy(to + i, &part, sizeof(part));
+    }
   }
 }
 
