@@ -59,80 +59,75 @@ class StencilTile {
     }
   }
 
-  // Moves the sums to the grid.
+  // Moves the sums to the grid: block by block, so that a block's entries pass through the cache once and in their order.
   template <class U>
   void scatter_add(const BlockTopology<Dim>& topology, Slot slot, T* stencil, U* diagonal,
                    std::vector<char>& touched) {
-    find_rows(topology, slot, stencil, touched);
-    for (int plane = 0; plane < Stencil::planes; ++plane) {
-      const int o[2] = {Dim == 2 ? plane : plane / Stencil::offsets, plane % Stencil::offsets};
-      T* out = stencil + plane * Stencil::offsets * Stencil::nodes;
-      for (int n = 0; n < used_rows_; ++n) {
-        const UsedRow& r = used_[n];
-        bool used = true;  // boxes end inside the nodes that have entries
-        for (int a = 0; a < Dim - 1; ++a) used = used && r.t[a] + o[a] < upper_[a];
-        if (!used) continue;
-        add_part<0>(r, plane, out, diagonal);
-        add_part<1>(r, plane, out, diagonal);
-        add_part<2>(r, plane, out, diagonal);
-        std::fill(at(r.row, plane, 0), at(r.row, plane, 0) + line, T(0));
+    const Slot* around = topology.neighbours(slot);
+    for (int neighbour = 0; neighbour < block_neighbours<Dim>; ++neighbour) {
+      Part part;
+      bool used = true;
+      for (int a = Dim - 1, n = neighbour; a >= 0; --a, n /= 3) {
+        part.begin[a] = std::max(lower_[a], first_of(n % 3));
+        part.end[a] = std::min(upper_[a], first_of(n % 3 + 1));
+        used = used && part.begin[a] < part.end[a];
+      }
+      if (!used) continue;
+      const Slot block = around[neighbour];
+      T* out = stencil + block * Stencil::block_values;
+      if (!touched[static_cast<std::size_t>(block)]) {
+        touched[static_cast<std::size_t>(block)] = 1;
+        std::memset(out, 0, Stencil::block_values * sizeof(T));
+      }
+      U* of_diagonal = diagonal + block * Stencil::nodes;
+      switch (neighbour % 3) {
+        case 0: move<0>(part, out, of_diagonal); break;
+        case 1: move<1>(part, out, of_diagonal); break;
+        default: move<2>(part, out, of_diagonal);
       }
     }
     forget();
   }
 
  private:
-  // A row of nodes that has entries: its place, and for its parts before the block, in it and behind it the nodes' first
-  // number in the grid, or none.
-  struct UsedRow {
-    int row, t[2];
-    std::ptrdiff_t block[3], node;
+  // The tile's nodes in one block that have entries.
+  struct Part {
+    int begin[Dim], end[Dim];
   };
-  void find_rows(const BlockTopology<Dim>& topology, Slot slot, T* stencil, std::vector<char>& touched) {
-    const Slot* around = topology.neighbours(slot);
-    used_rows_ = 0;
-    for (int row = 0; row < rows; ++row) {
-      UsedRow r{row, {Dim == 2 ? row : row / side, row % side}, {}, 0};
-      int neighbour = 0;
-      bool used = true;
-      for (int a = 0; a < Dim - 1; ++a) {
-        used = used && r.t[a] >= lower_[a] && r.t[a] < upper_[a];
-        neighbour = 3 * neighbour + (r.t[a] < 1 ? 0 : r.t[a] < 1 + block_side ? 1 : 2);
-        r.node = block_side * r.node + ((r.t[a] - 1) & (block_side - 1));
-      }
-      if (!used) continue;
-      r.node *= block_side;
-      for (int part = 0; part < 3; ++part) {
-        const bool has = first_of(part) < upper_[Dim - 1] && first_of(part + 1) > lower_[Dim - 1];
-        r.block[part] = has ? around[3 * neighbour + part] : no_slot;
-        if (!has || touched[static_cast<std::size_t>(r.block[part])]) continue;
-        touched[static_cast<std::size_t>(r.block[part])] = 1;
-        std::memset(stencil + r.block[part] * Stencil::block_values, 0, Stencil::block_values * sizeof(T));
-      }
-      used_[used_rows_++] = r;
-    }
-  }
-  // First node of a row's part in the block before, in the block, and behind it.
+  // First node of the tile's part in the blocks before, in the block itself, and in those behind it.
   static constexpr int first_of(int part) {
     return part == 0 ? 0 : part == 1 ? 1 : part == 2 ? 1 + block_side : side;
   }
 
-  template <int Part, class U>
-  void add_part(const UsedRow& r, int plane, T* stencil, U* diagonal) {
-    if (r.block[Part] == no_slot) return;
-    T* out = stencil + r.block[Part] * Stencil::block_values + r.node;
-    add_line<Part>(at(r.row, plane, first_of(Part)), out,
-                   std::make_integer_sequence<int, Stencil::offsets>());
-    // The next plane's, which come from far.
-    for (int o = 0; o < Stencil::offsets; ++o)
-      __builtin_prefetch(out + (Stencil::offsets + o) * Stencil::nodes, 1);
-    if (plane != 0) return;
-    U* d = diagonal + r.block[Part] * Stencil::nodes + r.node;
-    for (int n = first_of(Part); n < first_of(Part + 1); ++n)
-      d[(n - 1) & (block_side - 1)] += *at(r.row, 0, n);
+  // Last is the part of the last direction.
+  template <int Last, class U>
+  void move(const Part& part, T* stencil, U* diagonal) {
+    constexpr int y = Dim - 2, first = first_of(Last), nodes = first_of(Last + 1) - first;
+    for (int plane = 0; plane < Stencil::planes; ++plane) {
+      // Boxes end inside the nodes that have entries.
+      const int x_begin = Dim == 2 ? 0 : part.begin[0];
+      const int x_end = Dim == 2 ? 1 : std::min(part.end[0], upper_[0] - plane / Stencil::offsets);
+      const int y_end = std::min(part.end[y], upper_[y] - plane % Stencil::offsets);
+      T* out = stencil + plane * Stencil::offsets * Stencil::nodes;
+      for (int i = x_begin; i < x_end; ++i)
+        for (int j = part.begin[y]; j < y_end; ++j) {
+          T* line = at(i * side + j, plane, first);
+          const int node = node_of_row(i, j);
+          add_line<Last>(line, out + node, std::make_integer_sequence<int, Stencil::offsets>());
+          if (plane == 0)
+            for (int n = 0; n < nodes; ++n)
+              diagonal[node + ((first + n - 1) & (block_side - 1))] += line[n * Kernel::support];
+          std::fill_n(line, nodes * Kernel::support, T(0));
+        }
+    }
+  }
+  // The first node of a row of the tile in its block.
+  static constexpr int node_of_row(int i, int j) {
+    const int sheet = Dim == 2 ? 0 : (i - 1) & (block_side - 1);
+    return (sheet * block_side + ((j - 1) & (block_side - 1))) * block_side;
   }
   // For each offset o, the line's entries for the block's four nodes; those outside of the part are 0.
-  template <int Part, int... O>
+  template <int Last, int... O>
   static void add_line(const T* in, T* out, std::integer_sequence<int, O...>) {
     constexpr int N = Stencil::offsets, width = PairLanes<Kernel, T>::width;
     auto add = [](T* to, const Quad<T>& what) {
@@ -146,14 +141,14 @@ class StencilTile {
     constexpr auto behind = [](int entry) { return entry < none ? entry : none; };
     V a, b;
     std::memcpy(&a, in, sizeof(a));
-    if constexpr (Part == 1) {
+    if constexpr (Last == 1) {
       std::memcpy(&b, in + width, sizeof(b));
     } else {
       b = V{};
     }
-    if constexpr (Part == 0) {
+    if constexpr (Last == 0) {
       (add(out + O * Stencil::nodes, __builtin_shufflevector(a, b, none, none, none, O)), ...);
-    } else if constexpr (Part == 1) {
+    } else if constexpr (Last == 1) {
       (add(out + O * Stencil::nodes, __builtin_shufflevector(a, b, O, N + O, 2 * N + O, 3 * N + O)), ...);
     } else {
       (add(out + O * Stencil::nodes,
@@ -161,22 +156,39 @@ class StencilTile {
        ...);
     }
 #else
-    // Number by number, as the compiler takes other shuffles apart anyway, and less well.
-    const auto behind = [in](int entry) { return Part == 1 || entry < width ? in[entry] : T(0); };
-    if constexpr (Part == 0) {
+    if constexpr (Last == 0) {
       (add(out + O * Stencil::nodes, Quad<T>{0, 0, 0, in[O]}), ...);
     } else {
-      (add(out + O * Stencil::nodes, Quad<T>{in[O], in[N + O], behind(2 * N + O), behind(3 * N + O)}), ...);
+      Quad<T> a[N];
+      for (int q = 0; q < N; ++q) a[q] = Last == 1 || 4 * q < width ? load_quad(in + 4 * q) : Quad<T>{};
+      (add(out + O * Stencil::nodes, each_of_node<O>(a)), ...);
     }
 #endif
   }
+#ifndef __AVX512F__
+  // Entry O of four nodes, from the entries of one node after the other. Shuffles of no more than two registers, as the compiler
+  // would take others apart.
+  template <int O, int N>
+  static Quad<T> each_of_node(const Quad<T> (&a)[N]) {
+    if constexpr (N == 2) {
+      return __builtin_shufflevector(a[0], a[1], O, O + 2, O + 4, O + 6);
+    } else if constexpr (N == 3 && O == 0) {
+      return __builtin_shufflevector(__builtin_shufflevector(a[0], a[1], 0, 3, 6, 6), a[2], 0, 1, 2, 5);
+    } else if constexpr (N == 3 && O == 1) {
+      return __builtin_shufflevector(__builtin_shufflevector(a[0], a[1], 1, 1, 4, 7),
+                                     __builtin_shufflevector(a[1], a[2], 3, 3, 6, 6), 0, 2, 4, 6);
+    } else if constexpr (N == 3) {
+      return __builtin_shufflevector(__builtin_shufflevector(a[0], a[1], 2, 2, 5, 5), a[2], 0, 2, 4, 7);
+    } else {
+      return Quad<T>{a[0][O], a[1][O], a[2][O], a[3][O]};
+    }
+  }
+#endif
   void forget() {
     std::fill(lower_, lower_ + Dim, side);
     std::fill(upper_, upper_ + Dim, 0);
   }
   std::vector<T> data_;
-  UsedRow used_[rows];
-  int used_rows_ = 0;
   int lower_[Dim], upper_[Dim];  // of the nodes that have entries
 };
 
