@@ -25,18 +25,18 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
   StencilTile<Kernel, Dim, E> stencil_tile;
   PairSums<Kernel, Dim, T, Values, E> sums;
   CellOrder<NodeTile::cells> cells;
-  // Where the particles are, their coefficients and values, as they come and in the order of their cells.
+  // Where the particles are, their coefficients and values.
   constexpr int coefficients = Dim + 2, used = coefficients + Values;
   struct alignas(64) Columns {
     T column[used][batch_particles + 64 / sizeof(T)];  // not a multiple of 4 KiB, or all would share an L1 set
   };
-  const auto scratch = std::make_unique_for_overwrite<Columns[]>(2);
-  auto &column = scratch[0].column, &sorted = scratch[1].column;
-  CellParticles<T, Values> in_order{};
-  for (int a = 0; a < Dim; ++a) in_order.centre[a] = sorted[a];
-  in_order.conductivity = sorted[Dim];
-  in_order.reaction = sorted[Dim + 1];
-  for (int c = 0; c < Values; ++c) in_order.q[c] = sorted[coefficients + c];
+  const auto scratch = std::make_unique_for_overwrite<Columns>();
+  auto& column = scratch->column;
+  CellParticles<T, Values> particles{};
+  for (int a = 0; a < Dim; ++a) particles.centre[a] = column[a];
+  particles.conductivity = column[Dim];
+  particles.reaction = column[Dim + 1];
+  for (int c = 0; c < Values; ++c) particles.q[c] = column[coefficients + c];
 
   std::vector<int> cell_of(batch_particles);
   alignas(64) T unused[node_values][chunk_particles];
@@ -74,12 +74,8 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
       }
       require_inside(outside);
       cells.build(count, [&cell_of](int p) { return cell_of[p]; });
-      const std::uint16_t* order = cells.order();
-      for (int p = 0; p < count; ++p) {
-        const int from = order[p];
-        unrolled<used>([&](auto c) { sorted[c][p] = column[c][from]; });
-      }
-      sums.begin(in_order);
+      particles.order = cells.order();
+      sums.begin(particles);
       cells.for_each_cell([&](int cell, int begin, int end) {
         const auto first = NodeTile::first_node_of_cell(cell);
         stencil_tile.include(first.data());

@@ -2,19 +2,21 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 
 #include "mpm_hpc/fields/body.hpp"
 #include "stencil_tile.hpp"
 
 namespace mpm {
 
-// Some particles in the order of their cells: what a sum needs to know of them.
+// Some particles, to be taken in the order of their cells: what a sum needs to know of them.
 template <class T, int Values>
 struct CellParticles {
-  const T* centre[3];     // as in LanePlace
-  const T* conductivity;  // over the square of the slopes' length
+  const std::uint16_t* order;  // particle i of the order is number order[i] of the columns; filled up to a whole pack
+  const T* centre[3];          // as in LanePlace
+  const T* conductivity;       // over the square of the slopes' length
   const T* reaction;
-  const T* q[node_values];  // the scattered values
+  const T* q[node_values];     // the scattered values
 };
 
 // A particle's entries are the outer product of factors over the pairs of nodes in each direction: with W = w_n w_m and
@@ -109,6 +111,21 @@ class PairSums {
   }
   const E* factors_of(int i) const { return factors_[0][0] + first_number<factors>(i); }
 
+  // The numbers of the pack of particles that `order` begins with, converted to S's.
+  template <class S, class From>
+  static S gathered(const From* column, const std::uint16_t* order) {
+    using To = typename PackTraits<S>::Scalar;
+    constexpr int step = detail::register_width<To, W>;
+    S out;
+    for (int i = 0; i < W; i += step) {
+      const auto part = [&]<int... I>(std::integer_sequence<int, I...>) {
+        return detail::NativeVector<To, step>{static_cast<To>(column[order[i + I]])...};
+      }(std::make_integer_sequence<int, step>());
+      std::memcpy(out.data() + i, &part, sizeof(part));
+    }
+    return out;
+  }
+
   void find_factors() {
     using S = Pack<T>;
     using P = Eigen::Array<E, W, 1>;
@@ -117,9 +134,11 @@ class PairSums {
     const auto f = factors_[pack];
     S weights[Dim][support];
     P w[support], g[support];
+    const std::uint16_t* order = particles_.order + ready_;
     const auto find = [&](int a) {
-      Kernel::weights(S(static_cast<T>(1) - load<S>(particles_.centre[a] + ready_)), weights[a]);
-      const P centre = load<P>(particles_.centre[a] + ready_);
+      const S of_particles = gathered<S>(particles_.centre[a], order);
+      Kernel::weights(S(static_cast<T>(1) - of_particles), weights[a]);
+      const P centre = load<P>(of_particles.data());
       Kernel::weights(P(static_cast<E>(1) - centre), w);
       ScalarSlopes<Kernel>::template of<E>(centre, w, g);
     };
@@ -140,7 +159,7 @@ class PairSums {
     for (int n = 0; n < value_rows; ++n)
       store(weights_[pack][n], Dim == 2 ? weights[0][n] : S(weights[0][n / support] * weights[1][n % support]));
     alignas(64) E inner[2][width][W] = {};
-    const P conductivity = load<P>(particles_.conductivity + ready_), reaction = load<P>(particles_.reaction + ready_);
+    const P conductivity = gathered<P>(particles_.conductivity, order), reaction = gathered<P>(particles_.reaction, order);
     unrolled<pairs>([&](auto k) {
       constexpr int n = Pairs::node(k), m = n + Pairs::offset(k);
       const P product = w[n] * w[m];
@@ -156,14 +175,16 @@ class PairSums {
       for (int n = 0; n < support; ++n) store(weight[n], weights[last][n]);
       alignas(64) T along[W][4], q[W][4];
       packs_to_quads<T, W>(weight[0], weight[1], weight[2], weight[3], along[0], 4);
-      packs_to_quads<T, W>(particles_.q[0] + ready_, particles_.q[1] + ready_, particles_.q[2] + ready_,
-                           particles_.q[3] + ready_, q[0], 4);
+      S values[4];
+      for (int n = 0; n < 4; ++n) values[n] = gathered<S>(particles_.q[n], order);
+      packs_to_quads<T, W>(values[0].data(), values[1].data(), values[2].data(), values[3].data(), q[0], 4);
       for (int l = 0; l < W; ++l)
         (Row<T>::spread(load_quad(along[l])) * Row<T>::repeat(load_quad(q[l]))).store(row_[ready_ % kept + l]);
     } else {
       alignas(64) T numbers[row_numbers][W] = {};
-      for (int n = 0; n < support * Values; ++n)
-        store(numbers[n], S(load<S>(particles_.q[n % Values] + ready_) * weights[last][n / Values]));
+      S values[Values];
+      for (int n = 0; n < Values; ++n) values[n] = gathered<S>(particles_.q[n], order);
+      for (int n = 0; n < support * Values; ++n) store(numbers[n], S(values[n % Values] * weights[last][n / Values]));
       for (int n = 0; n < row_numbers; n += 4)
         packs_to_quads<T, W>(numbers[n], numbers[n + 1], numbers[n + 2], numbers[n + 3], row_[ready_ % kept] + n, row_numbers);
     }

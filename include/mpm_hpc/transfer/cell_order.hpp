@@ -12,6 +12,9 @@ namespace mpm {
 template <int Cells>
 class CellOrder {
  public:
+  // order() is filled up to a multiple of this, the widest pack.
+  static constexpr int filled = 16;
+
   // cell_of(p) in [0, Cells) for p in [0, count), count < 65536.
   template <class CellOf>
   void build(int count, CellOf&& cell_of) {
@@ -31,7 +34,7 @@ class CellOrder {
       sum += first + second;
     }
     start_[Cells] = static_cast<std::uint16_t>(sum);
-    if (order_.size() < static_cast<std::size_t>(count)) order_.resize(count);
+    if (order_.size() < static_cast<std::size_t>(count)) order_.resize((count + filled - 1) / filled * filled);
     for (int p = 0; p < half; ++p) {
       order_[count_[cell_of(p)][0]++] = static_cast<std::uint16_t>(p);
       order_[count_[cell_of(half + p)][1]++] = static_cast<std::uint16_t>(half + p);
@@ -39,7 +42,7 @@ class CellOrder {
     if (count % 2 != 0) order_[count_[cell_of(count - 1)][1]++] = static_cast<std::uint16_t>(count - 1);
   }
 
-  // The particles, cell by cell.
+  // The particles, cell by cell; what it is filled up with are particles too, but any.
   const std::uint16_t* order() const { return order_.data(); }
 
   // f(cell, begin, end) for each cell that has particles, in ascending order; they are those at [begin, end) of order().
