@@ -111,13 +111,13 @@ class StencilTile {
       T* out = stencil + plane * Stencil::offsets * Stencil::nodes;
       for (int i = x_begin; i < x_end; ++i)
         for (int j = part.begin[y]; j < y_end; ++j) {
-          T* line = at(i * side + j, plane, first);
+          T* in = at(i * side + j, plane, first);
           const int node = node_of_row(i, j);
-          add_line<Last>(line, out + node, std::make_integer_sequence<int, Stencil::offsets>());
+          add_line<Last>(in, out + node, std::make_integer_sequence<int, Stencil::offsets>());
           if (plane == 0)
             for (int n = 0; n < nodes; ++n)
-              diagonal[node + ((first + n - 1) & (block_side - 1))] += line[n * Kernel::support];
-          std::fill_n(line, nodes * Kernel::support, T(0));
+              diagonal[node + ((first + n - 1) & (block_side - 1))] += in[n * Kernel::support];
+          std::fill_n(in, nodes * Kernel::support, T(0));
         }
     }
   }
