@@ -30,17 +30,14 @@ struct Columns {
       for (int c = 0; c < product_modes<Dim> * Dim; ++c) modes[c] = fields.template data<T>(body.velocity_modes, c);
   }
 
-  // Inlined, because GCC drops calls of a function that does nothing but prefetch.
-  [[gnu::always_inline]] void prefetch(Index p) const {
-    for (int a = 0; a < Dim; ++a) {
-      prefetch_next_chunk(x[a], p);
-      if (pack_width<T> > 8) prefetch_next_chunk(x[a] + 8, p);
-      prefetch_next_chunk(v[a], p);
-    }
-    for (int c = 0; c < Dim * Dim; ++c) {
-      if (C[c]) prefetch_next_chunk(C[c], p);
-      if (F[c]) prefetch_next_chunk(F[c], p);
-    }
+  ColumnsAhead<Dim, T> ahead() const {
+    ColumnsAhead<Dim, T> columns;
+    for (const T* component : v) columns.add(component);
+    for (const T* component : C)
+      if (component) columns.add(component);
+    for (const T* component : F)
+      if (component) columns.add(component);
+    return columns;
   }
 };
 
@@ -117,9 +114,11 @@ template <class Kernel, class Form, int Dim, class Part, class T>
 // Weighted sums of the node values of one particle's stencil: q = sum w v, a[b] = sum w (n_b - 1) v, products likewise;
 // f[b] = sum v dw/dn_b, f[Dim] = sum w v.
 template <class Kernel, class Form, int Dim, class T>
-void row_stage(FormParticle<Form, T>* particles, int count, const T* tile) {
-  for (int p = 0; p < count; ++p)
+void row_stage(FormParticle<Form, T>* particles, const ColumnsAhead<Dim, T>& ahead, Index begin, int count, const T* tile) {
+  for (int p = 0; p < count; ++p) {
+    ahead.at_row(begin, p);
     for_each_part<T, Kernel::support>([&](auto part) { add_part<Kernel, Form, Dim>(part, tile, particles[p]); });
+  }
 }
 
 // carried = sum w (v - v_old), from the tile of the changes.
@@ -151,8 +150,8 @@ void change_stage(FormParticle<Form, T>* particles, int count, const T* tile) {
 
 // Places and weights of the chunk's particles, for the row stage.
 template <class Kernel, class Form, int Dim, class T>
-void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, const IntVec<Dim>& first_node,
-                 Index begin, Index end, Chunk<Form, Dim, T>& chunk) {
+void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, const ColumnsAhead<Dim, T>& ahead,
+                 const IntVec<Dim>& first_node, Index begin, Index end, Chunk<Form, Dim, T>& chunk) {
   Pack<T> outside = Pack<T>::Zero();
   for (Index p = begin; p < end; p += pack_width<T>) {
     const LanePlace<Kernel, Dim, T> place(grid, first_node, columns.x, p);
@@ -161,7 +160,8 @@ void place_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, 
     place.write(rows);
     if constexpr (Form::classical) place.write_gradients(rows);
     for (int a = 0; a < Dim; ++a) store(chunk.centre[a] + (p - begin), place.centre[a]);
-    columns.prefetch(p);
+    prefetch_positions<T>(columns.x, p);
+    ahead.at_pack(p);
   }
   require_inside(outside);
 }
@@ -291,6 +291,7 @@ void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const s
   std::conditional_t<Form::increments, BlockTile, Without<0>> changes;
   const auto chunk = std::make_unique<Chunk<Form, Dim, T>>();
   const Columns<Dim, T> columns(body);
+  const ColumnsAhead<Dim, T> ahead = columns.ahead();
   // Affine particles of a classical form keep B_p D_p^-1, which isn't the gradient that deforms them.
   const bool in_columns =
       body.particles.has(core::velocity_gradient) && !(Form::affine && Form::classical && Kernel::has_inertia);
@@ -301,8 +302,8 @@ void grid_to_particle(const TransferGrid<Dim, T>& grid, Body<Dim>& body, const s
     if constexpr (Form::increments) changes.gather(grid.topology, range.slot, grid.changes);
     for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
       const Index end = std::min<Index>(begin + chunk_particles, range.end);
-      place_stage<Kernel>(grid.geometry, columns, first_node, begin, end, *chunk);
-      row_stage<Kernel, Form, Dim>(chunk->rows.data(), end - begin, tile.data);
+      place_stage<Kernel>(grid.geometry, columns, ahead, first_node, begin, end, *chunk);
+      row_stage<Kernel, Form, Dim>(chunk->rows.data(), ahead, begin, end - begin, tile.data);
       if constexpr (Form::increments)
         change_stage<Kernel, Form, Dim>(chunk->rows.data(), end - begin, changes.data);
       T* gradient[Dim * Dim];

@@ -62,11 +62,8 @@ void scatter_values_and_stencil(const ScalarGrid<Dim>& grid, const Body<Dim>& bo
         for (int p = begin; p < end; p += W) {
           const LanePlace<Kernel, Dim, T> lanes(grid.geometry, first_node, x, batch + p);
           outside += lanes.outside();
-          for (int a = 0; a < Dim; ++a) {
-            store(column[a] + p, lanes.centre[a]);
-            prefetch_next_chunk(x[a], batch + p);
-            if (W > 8) prefetch_next_chunk(x[a] + 8, batch + p);
-          }
+          for (int a = 0; a < Dim; ++a) store(column[a] + p, lanes.centre[a]);
+          prefetch_positions<T>(x, batch + p);
           store(conductivity + p, Pack<T>(scale2 * load<Pack<T>>(conductivity + p)));
           const Pack<T> cell = lanes.cell();
           detail::convert<W>(cell.data(), cell_of.data() + p);

@@ -32,20 +32,19 @@ struct Columns {
     volume = fields.template data<T>(core::volume);
   }
 
-  // Inlined, because GCC drops calls of a function that does nothing but prefetch.
   template <class Form>
-  [[gnu::always_inline]] void prefetch(Index p, Form) const {
-    for (int a = 0; a < Dim; ++a) {
-      prefetch_next_chunk(x[a], p);
-      if (pack_width<T> > 8) prefetch_next_chunk(x[a] + 8, p);
-      prefetch_next_chunk(v[a], p);
-    }
-    for (int c = 0; c < Dim * Dim; ++c) {
-      if (Form::affine) prefetch_next_chunk(C[c], p);
-      if (F[c]) prefetch_next_chunk(F[c], p);
-    }
-    prefetch_next_chunk(mass, p);
-    prefetch_next_chunk(volume, p);
+  ColumnsAhead<Dim, T> ahead(Form) const {
+    ColumnsAhead<Dim, T> columns;
+    for (const T* component : v) columns.add(component);
+    if constexpr (Form::affine)
+      for (const T* component : C) columns.add(component);
+    for (const T* component : F)
+      if (component) columns.add(component);
+    if constexpr (Form::modes)
+      for (const T* component : modes) columns.add(component);
+    columns.add(mass);
+    columns.add(volume);
+    return columns;
   }
 };
 
@@ -95,8 +94,8 @@ void write_quads(const S* values, const S* last, T* first) {
 
 // Fills one FormParticle per particle of the chunk [begin, end).
 template <class Kernel, class Form, int Dim, class T>
-void lane_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, const IntVec<Dim>& first_node, Index begin,
-                Index end, T* const* tau, Real dt, FormParticle<Form, T>* out) {
+void lane_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, const ColumnsAhead<Dim, T>& ahead,
+                const IntVec<Dim>& first_node, Index begin, Index end, T* const* tau, Real dt, FormParticle<Form, T>* out) {
   using S = Pack<T>;
   using Particle = FormParticle<Form, T>;
   constexpr bool sloped = Form::affine || Form::mls;
@@ -110,7 +109,8 @@ void lane_stage(const GridGeometry<Dim>& grid, const Columns<Dim, T>& columns, c
   for (Index p = begin; p < end; p += pack_width<T>) {
     const LanePlace<Kernel, Dim, T> place(grid, first_node, columns.x, p);
     outside += place.outside();
-    columns.prefetch(p, Form());
+    prefetch_positions<T>(columns.x, p);
+    ahead.at_pack(p);
     Particle* rows = out + (p - begin);
     place.write(rows);
     const S m = load<S>(columns.mass + p);
@@ -219,11 +219,12 @@ template <class Kernel, class Form, int Dim, class Part, class T>
 }
 
 template <class Kernel, class Form, int Dim, class T>
-void row_stage(const FormParticle<Form, T>* particles, int count, T* tile) {
+void row_stage(const FormParticle<Form, T>* particles, const ColumnsAhead<Dim, T>& ahead, Index begin, int count, T* tile) {
   for (int k = 0; k < count; ++k) {
     // In 2D the few rows of a particle are those of the one before, which would have to wait until they are stored: two
     // streams, half a chunk apart.
     const int p = Dim == 2 ? k % 2 * (count / 2) + k / 2 : k;
+    ahead.at_row(begin, k);
     for_each_part<T, Kernel::support>([&](auto part) { add_part<Kernel, Form, Dim>(part, particles[p], tile); });
   }
 }
@@ -270,6 +271,7 @@ void particle_to_grid(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, c
   for (int c = 0; c < components; ++c) tau[c] = tau_storage[c];
   std::vector<FormParticle<Form, T>> rows(chunk_particles);  // zeroed: unused weights and values stay 0
   const to_grid::Columns<Dim, T> columns(body, Form());
+  const ColumnsAhead<Dim, T> ahead = columns.ahead(Form());
   for (int number : ranges) {
     const BlockRange& range = body.ranges[number];
     const IntVec<Dim> first_node = grid.topology.first_node(range.slot);
@@ -278,8 +280,8 @@ void particle_to_grid(const TransferGrid<Dim, T>& grid, const Body<Dim>& body, c
     for (Index begin = range.begin; begin < range.end; begin += chunk_particles) {
       const Index end = std::min<Index>(begin + chunk_particles, range.end);
       stress.kirchhoff_stress(begin, end, tau);
-      to_grid::lane_stage<Kernel, Form>(grid.geometry, columns, first_node, begin, end, tau, dt, rows.data());
-      to_grid::row_stage<Kernel, Form, Dim>(rows.data(), end - begin, tile.data);
+      to_grid::lane_stage<Kernel, Form>(grid.geometry, columns, ahead, first_node, begin, end, tau, dt, rows.data());
+      to_grid::row_stage<Kernel, Form, Dim>(rows.data(), ahead, begin, end - begin, tile.data);
       if constexpr (Form::increments)
         to_grid::carried_stage<Kernel, Form, Dim>(rows.data(), end - begin, carried.data);
     }

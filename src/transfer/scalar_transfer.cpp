@@ -32,17 +32,14 @@ T sum_of(Quad<T> q) {
 }
 
 template <class Kernel, int Dim, class T>
-void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, const Real* const* x, Index begin,
+void place(const GridGeometry<Dim>& geometry, const IntVec<Dim>& first_node, const Real* const (&x)[Dim], Index begin,
            Index end, ScalarRow<T>* rows, T (*centre)[chunk_particles]) {
   constexpr int W = pack_width<T>;
   Pack<T> outside = Pack<T>::Zero();
   for (Index p = begin; p < end; p += W) {
     const LanePlace<Kernel, Dim, T> lanes(geometry, first_node, x, p);
     outside += lanes.outside();
-    for (int a = 0; a < Dim; ++a) {
-      prefetch_next_chunk(x[a], p);
-      if (W > 8) prefetch_next_chunk(x[a] + 8, p);
-    }
+    prefetch_positions<T>(x, p);
     for (int a = 0; a < Dim; ++a) store(centre[a] + (p - begin), lanes.centre[a]);
     lanes.write(rows + (p - begin));
   }

@@ -126,6 +126,40 @@ inline void prefetch_next_chunk(const T* column, Index p) {
   __builtin_prefetch(column + p + chunk_particles);
 }
 
+// The same of the positions, for the pack at p. Inlined, because GCC drops calls of a function that does nothing but prefetch.
+template <class T, std::size_t Dim>
+[[gnu::always_inline]] inline void prefetch_positions(const Real* const (&x)[Dim], Index p) {
+  for (const Real* component : x)
+    for (int i = 0; i < pack_width<T>; i += pack_width<Real>) prefetch_next_chunk(component + i, p);
+}
+
+// The columns that a transfer reads, to be asked for a chunk ahead. A core waits for some ten or twenty cache lines at a time
+// and stops at the next one: asked for by the lane stage, pack by pack, the lines of a chunk come faster than memory delivers,
+// and the row stage asks for none. So in 3D the row stage asks, each particle for its share. In 2D a row stage is so short
+// that sharing out costs more than it saves.
+template <int Dim, class T>
+class ColumnsAhead {
+ public:
+  void add(const T* column) { columns_[count_++] = column; }
+
+  // By the lane stage at each pack, p its first particle.
+  [[gnu::always_inline]] void at_pack(Index p) const {
+    if constexpr (Dim == 2)
+      for (int c = 0; c < count_; ++c) prefetch_next_chunk(columns_[c], p);
+  }
+
+  // By the row stage at its k-th particle; p is the chunk's first.
+  [[gnu::always_inline]] void at_row(Index p, int k) const {
+    constexpr int W = pack_width<T>;
+    if constexpr (Dim == 3)
+      for (int c = k % W; c < count_; c += W) prefetch_next_chunk(columns_[c], p + k);
+  }
+
+ private:
+  const T* columns_[Dim + 2 * Dim * Dim + 2 + product_modes<Dim> * Dim];
+  int count_ = 0;
+};
+
 // Throws LogicError: sorting came too late, which must never pass unnoticed because the tile would lose momentum.
 [[noreturn]] void throw_drifted_out();
 template <class S>
