@@ -233,10 +233,18 @@ class PairSums {
       return __builtin_shufflevector(a, b, L...);
     }(std::make_integer_sequence<int, lanes>());
   }
+  // a in the lanes of the register's first line, b in those of the second. Written out, so that GCC takes both from memory: it
+  // would add the zero of V{} + a.
+  static V in_lines(E a, E b) {
+    return [&]<int... L>(std::integer_sequence<int, L...>) {
+      const V of_a{(static_cast<void>(L), a)...}, of_b{(static_cast<void>(L), b)...};
+      return __builtin_shufflevector(of_a, of_b, (L < width ? L : lanes + L)...);
+    }(std::make_integer_sequence<int, lanes>());
+  }
   // A line times a particle's factor of pair y of the second direction (and of the next one, in the next line).
   static V times(const E* of_pairs, const V& line) {
     if constexpr (lines == 2) {
-      return join(Half{} + of_pairs[0], Half{} + of_pairs[W]) * line;
+      return in_lines(of_pairs[0], of_pairs[W]) * line;
     } else {
       return of_pairs[0] * line;
     }
