@@ -170,8 +170,10 @@ inline void unrolled(F&& f) {
   }(std::make_integer_sequence<int, N>());
 }
 
-// Calls f(part) for the parts in which a row stage should go through the nodes of a stencil: all at once where a row takes no
-// more than two registers, or else two nodes (and the last one), so that all sums of a particle stay in sixteen registers.
+// Calls f(part) for the parts in which a row stage should go through the nodes of a stencil: two nodes (and the last one).
+// Four nodes of four numbers in double and five sums of them are more than sixteen registers hold. And in tiles, where a
+// stencil may begin at any node, the wider an access the more often it lies across two cache lines, or overlaps with a part of
+// what was just stored, which the machine can't load before it has reached the cache.
 // part: first, the number of its first node, and Row, its type.
 template <class T, int First, int Nodes>
 struct StencilPart {
@@ -180,9 +182,7 @@ struct StencilPart {
 };
 template <class T, int Support, int First = 0, class F>
 inline void for_each_part(F&& f) {
-  if constexpr (row_nodes * row_values * static_cast<int>(sizeof(T)) <= 2 * register_bytes) {
-    f(StencilPart<T, 0, row_nodes>());
-  } else if constexpr (First < Support) {
+  if constexpr (First < Support) {
     constexpr int nodes = Support - First < 2 ? 1 : 2;
     f(StencilPart<T, First, nodes>());
     for_each_part<T, Support, First + nodes>(f);
