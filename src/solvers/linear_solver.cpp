@@ -3,10 +3,14 @@
 #include <petscksp.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cctype>
 #include <exception>
+#include <limits>
 #include <sstream>
 
+#include "mpm_hpc/base/memory.hpp"
 #include "mpm_hpc/parallel/mpi_handle.hpp"
 #include "petsc_check.hpp"
 
@@ -16,10 +20,12 @@ struct LinearSolver::Impl {
   MPI_Comm comm = MPI_COMM_NULL;
   KSP ksp = nullptr;
   ::Mat matrix = nullptr;
-  ::Vec rhs = nullptr, solution = nullptr;
-  int local_rows = -1;
+  ::Vec rhs = nullptr, solution = nullptr;  // of the arrays below
+  int local_rows = 0, size = -1;            // the latter with the spare rows
+  GlobalIndex global_rows = 0;
   Apply apply;
-  std::vector<Real> diagonal;
+  Diagonal diagonal;
+  std::vector<Real> rhs_values, solution_values;  // of `size`
   std::exception_ptr fault;  // thrown inside a callback, where PETSc's frames must not be unwound
   std::size_t matrix_bytes = 0, vector_bytes = 0;
 
@@ -42,6 +48,7 @@ struct LinearSolver::Impl {
     Impl& self = *static_cast<Impl*>(context);
     try {
       self.apply(in, out);
+      std::copy(in + self.local_rows, in + self.size, out + self.local_rows);
     } catch (...) {
       self.fault = std::current_exception();
       return PETSC_ERR_LIB;
@@ -55,8 +62,9 @@ struct LinearSolver::Impl {
     PetscScalar* out = nullptr;
     PetscCall(MatShellGetContext(shell, &context));
     PetscCall(VecGetArray(d, &out));
-    const std::vector<Real>& diagonal = static_cast<Impl*>(context)->diagonal;
-    std::copy(diagonal.begin(), diagonal.end(), out);
+    const Impl& self = *static_cast<Impl*>(context);
+    self.diagonal(out);
+    std::fill(out + self.local_rows, out + self.size, 1.0);
     PetscCall(VecRestoreArray(d, &out));
     return 0;
   }
@@ -84,6 +92,13 @@ std::string options_with_prefix(const std::string& prefix) {
     if (ours) found += " " + word;
   }
   return found;
+}
+
+// Of the number of rows alone: a run that goes on from a checkpoint must add up in the same order.
+int with_spare_rows(int rows) {
+  const std::int64_t step = std::max<std::int64_t>(1, std::bit_floor(static_cast<unsigned>(rows)) / 16);
+  return static_cast<int>(
+      std::min<std::int64_t>((rows + step - 1) / step * step, std::numeric_limits<int>::max()));
 }
 
 }  // namespace
@@ -124,35 +139,47 @@ std::string LinearSolver::preconditioner_of_entries(const std::string& prefix) {
 
 LinearSolver::~LinearSolver() = default;
 
-GlobalIndex LinearSolver::set_rows(int local_rows) {
+GlobalIndex LinearSolver::set_rows(int local_rows, Spare spare) {
   Impl& s = *impl_;
-  PetscInt first = 0;
+  const int size = spare == Spare::some ? with_spare_rows(local_rows) : local_rows;
+  s.local_rows = local_rows;
   // Vectors are kept while no rank's share changes.
-  int changed = local_rows != s.local_rows;
-  MPI_Allreduce(MPI_IN_PLACE, &changed, 1, MPI_INT, MPI_MAX, s.comm);
-  if (changed) {
+  std::array<GlobalIndex, 2> sums{local_rows, size != s.size};
+  MPI_Allreduce(MPI_IN_PLACE, sums.data(), 2, MPI_INT64_T, MPI_SUM, s.comm);
+  s.global_rows = sums[0];
+  if (sums[1] > 0) {
     petsc_check(VecDestroy(&s.rhs), "VecDestroy");
     petsc_check(VecDestroy(&s.solution), "VecDestroy");
-    petsc_check(VecCreateMPI(s.comm, local_rows, PETSC_DETERMINE, &s.rhs), "VecCreateMPI");
-    petsc_check(VecDuplicate(s.rhs, &s.solution), "VecDuplicate");
     petsc_check(KSPReset(s.ksp), "KSPReset");
-    s.local_rows = local_rows;
-    // Right-hand side and solution here, and four work vectors of CG with its preconditioner.
-    s.vector_bytes = 6 * sizeof(PetscScalar) * static_cast<std::size_t>(local_rows);
+    s.size = size;
+    const auto make = [&s](std::vector<Real>& values, ::Vec* vector) {
+      values.resize(static_cast<std::size_t>(s.size));
+      petsc_check(VecCreateMPIWithArray(s.comm, 1, s.size, PETSC_DETERMINE, values.data(), vector),
+                  "VecCreateMPIWithArray");
+    };
+    make(s.rhs_values, &s.rhs);
+    make(s.solution_values, &s.solution);
+    // Four work vectors of CG with its preconditioner.
+    s.vector_bytes = 4 * sizeof(PetscScalar) * static_cast<std::size_t>(s.size);
   }
+  std::fill(s.rhs_values.begin() + local_rows, s.rhs_values.end(), 0);
+  std::fill(s.solution_values.begin() + local_rows, s.solution_values.end(), 0);
+  PetscInt first = 0;
   petsc_check(VecGetOwnershipRange(s.rhs, &first, nullptr), "VecGetOwnershipRange");
   return first;
 }
 
-GlobalIndex LinearSolver::global_rows() const {
-  PetscInt rows = 0;
-  petsc_check(VecGetSize(impl_->rhs, &rows), "VecGetSize");
-  return rows;
+GlobalIndex LinearSolver::global_rows() const { return impl_->global_rows; }
+
+std::span<Real> LinearSolver::rhs() { return std::span(impl_->rhs_values).first(impl_->local_rows); }
+std::span<Real> LinearSolver::solution() {
+  return std::span(impl_->solution_values).first(impl_->local_rows);
 }
 
 void LinearSolver::assemble(const SparseRows& rows) {
   Impl& s = *impl_;
   static_assert(sizeof(PetscInt) == sizeof(int), "SparseRows holds PETSc's index type");
+  debug_check(s.size == s.local_rows, "a matrix has no spare rows");
   petsc_check(MatDestroy(&s.matrix), "MatDestroy");
   petsc_check(MatCreate(s.comm, &s.matrix), "MatCreate");
   petsc_check(MatSetSizes(s.matrix, s.local_rows, s.local_rows, PETSC_DETERMINE, PETSC_DETERMINE), "MatSetSizes");
@@ -167,12 +194,12 @@ void LinearSolver::assemble(const SparseRows& rows) {
   s.matrix_bytes = rows.values.size() * (sizeof(Real) + sizeof(int)) + rows.starts.size() * sizeof(int);
 }
 
-void LinearSolver::set_operator(Apply apply, std::vector<Real> diagonal) {
+void LinearSolver::set_operator(Apply apply, Diagonal diagonal) {
   Impl& s = *impl_;
   s.apply = std::move(apply);
   s.diagonal = std::move(diagonal);
   petsc_check(MatDestroy(&s.matrix), "MatDestroy");
-  petsc_check(MatCreateShell(s.comm, s.local_rows, s.local_rows, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.matrix),
+  petsc_check(MatCreateShell(s.comm, s.size, s.size, PETSC_DETERMINE, PETSC_DETERMINE, &s, &s.matrix),
               "MatCreateShell");
   petsc_check(MatShellSetOperation(s.matrix, MATOP_MULT, reinterpret_cast<void (*)()>(&Impl::multiply)),
               "MatShellSetOperation");
@@ -180,22 +207,18 @@ void LinearSolver::set_operator(Apply apply, std::vector<Real> diagonal) {
               "MatShellSetOperation");
   petsc_check(MatSetOption(s.matrix, MAT_SPD, PETSC_TRUE), "MatSetOption");
   petsc_check(KSPSetOperators(s.ksp, s.matrix, s.matrix), "KSPSetOperators");
-  s.matrix_bytes = s.diagonal.capacity() * sizeof(Real);
+  s.matrix_bytes = 0;
 }
 
-int LinearSolver::solve(const std::vector<Real>& rhs, std::vector<Real>& solution) {
+int LinearSolver::solve() {
   Impl& s = *impl_;
-  debug_check(static_cast<int>(rhs.size()) == s.local_rows && rhs.size() == solution.size(),
-              "right-hand side and solution have as many entries as the rank has rows");
-  if (global_rows() == 0) return 0;
-  PetscScalar* out = nullptr;
-  petsc_check(VecGetArray(s.rhs, &out), "VecGetArray");
-  std::copy(rhs.begin(), rhs.end(), out);
-  petsc_check(VecRestoreArray(s.rhs, &out), "VecRestoreArray");
-  petsc_check(VecGetArray(s.solution, &out), "VecGetArray");
-  std::copy(solution.begin(), solution.end(), out);
-  petsc_check(VecRestoreArray(s.solution, &out), "VecRestoreArray");
-
+  if (s.global_rows == 0) return 0;
+  // The values have changed behind PETSc's back, which keeps norms.
+  for (::Vec vector : {s.rhs, s.solution}) {
+    PetscScalar* values = nullptr;
+    petsc_check(VecGetArray(vector, &values), "VecGetArray");
+    petsc_check(VecRestoreArray(vector, &values), "VecRestoreArray");
+  }
   s.fault = nullptr;
   const PetscErrorCode code = KSPSolve(s.ksp, s.rhs, s.solution);
   if (s.fault) std::rethrow_exception(s.fault);
@@ -212,13 +235,12 @@ int LinearSolver::solve(const std::vector<Real>& rhs, std::vector<Real>& solutio
                     "-{}ksp_rtol, or try another -{}pc_type",
                     iterations, KSPConvergedReasons[reason], prefix, prefix, prefix));
   }
-  const PetscScalar* in = nullptr;
-  petsc_check(VecGetArrayRead(s.solution, &in), "VecGetArrayRead");
-  std::copy(in, in + s.local_rows, solution.begin());
-  petsc_check(VecRestoreArrayRead(s.solution, &in), "VecRestoreArrayRead");
   return static_cast<int>(iterations);
 }
 
-std::size_t LinearSolver::allocated_bytes() const { return impl_->matrix_bytes + impl_->vector_bytes; }
+std::size_t LinearSolver::allocated_bytes() const {
+  const Impl& s = *impl_;
+  return s.matrix_bytes + s.vector_bytes + capacity_bytes(s.rhs_values) + capacity_bytes(s.solution_values);
+}
 
 }  // namespace mpm

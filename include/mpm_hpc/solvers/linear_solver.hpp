@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,19 +39,28 @@ class LinearSolver {
   LinearSolver(const LinearSolver&) = delete;
   LinearSolver& operator=(const LinearSolver&) = delete;
 
-  // Sets the rows of this rank and returns the global number of the first one.
-  GlobalIndex set_rows(int local_rows);
-  // Of all ranks, after set_rows().
+  // Sets the rows of this rank and returns the global number of the first one. With spare rows, for set_operator() only, their
+  // number is rounded up by a sixteenth at most, with equations x = 0: a moving body has other nodes in each step, and PETSc
+  // would make all its vectors anew, of memory that the system maps and clears page by page.
+  enum class Spare { none, some };
+  GlobalIndex set_rows(int local_rows, Spare spare = Spare::none);
+  // Of all ranks, after set_rows(), without the spare ones.
   GlobalIndex global_rows() const;
+
+  // Entries of this rank's rows, which PETSc works on where they are: the right-hand side; the start values, and after the
+  // solve the solution. Undefined after set_rows().
+  std::span<Real> rhs();
+  std::span<Real> solution();
 
   // The operator: as rows, copied into a PETSc AIJ matrix ...
   void assemble(const SparseRows& rows);
-  // ... or as a function y = A x on this rank's entries (collective itself) with its diagonal.
+  // ... or as a function y = A x on this rank's entries (collective itself), and one that writes its diagonal.
   using Apply = std::function<void(const Real* x, Real* y)>;
-  void set_operator(Apply apply, std::vector<Real> diagonal);
+  using Diagonal = std::function<void(Real* diagonal)>;
+  void set_operator(Apply apply, Diagonal diagonal);
 
-  // `solution` holds the start values and then the solution; returns the number of iterations.
-  int solve(const std::vector<Real>& rhs, std::vector<Real>& solution);
+  // Returns the number of iterations.
+  int solve();
 
   // Of another solver, whose options are this class's business as well.
   static void add_prefix(const std::string& prefix);

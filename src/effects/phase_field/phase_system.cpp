@@ -108,29 +108,51 @@ OperatorColumns<T> PhaseSystem<Dim>::columns(const State<Dim>& state, const Part
 
 template <int Dim>
 template <class T>
-void PhaseSystem<Dim>::find_rows(State<Dim>& state) {
+void PhaseSystem<Dim>::find_rows(const State<Dim>& state) {
+  const std::size_t owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
+  if (row_nodes_.size() != owned) row_nodes_.resize(owned);
+  std::size_t rows = 0;
+  const auto find = [&](const T* volumes, int stride) {
+    for (std::size_t i = 0; i < owned; ++i) {
+      row_nodes_[rows] = i;
+      rows += volumes[i * stride] > 0;
+    }
+  };
+  if (sums_ == Sums::volume) {
+    find(state.fields.template data<T>(volume_sum_), 1);
+  } else {
+    with_values([&](auto count) { find(state.fields.template data<T>(values_) + volume, count); });
+  }
+  rows_ = std::span(row_nodes_).first(rows);
+}
+
+// M_ii, r_i and the start: c^n, or what the last two solutions point at.
+template <int Dim>
+template <class T>
+void PhaseSystem<Dim>::fill_rows(const State<Dim>& state, Result result) {
   const T* sums = state.fields.template data<T>(values_);
   const T* volumes = sums_ == Sums::volume ? state.fields.template data<T>(volume_sum_) : nullptr;
-  const bool has_phase = !volumes || starts_from_values(state);
-  const std::size_t owned = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
-  std::size_t rows = 0;
-  const auto resize = [this](std::size_t size) {
-    rows_.resize(size);
-    for (std::vector<Real>* v : {&mass_, &rhs_, &start_}) v->resize(size);
-  };
-  resize(owned);
+  const bool has_phase = !volumes || starts_from_values(state), increment = result == Result::increment,
+             has_last = !increment && last_sort_ == state.distribution.sorts();
+  const std::size_t owned = row_nodes_.size();
+  if (mass_.size() != owned) mass_.resize(owned);
+  if (increment && start_.size() != owned) start_.resize(owned);
+  const std::span<Real> rhs = solver_.rhs(), solution = solver_.solution();
   with_values([&](auto count) {
-    const T* node = sums;
-    for (std::size_t i = 0; i < owned; ++i, node += count) {
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+      const std::size_t i = rows_[r];
+      const T* node = sums + i * count;
       const Real all = volumes ? volumes[i] : node[volume];
-      if (!(all > 0)) continue;
-      rows_[rows] = i;
-      mass_[rows] = all + memory_ * all + (sums_ == Sums::all ? node[drive] : 0);
-      rhs_[rows] = all + (volumes ? 0 : memory_ * node[phase]);
-      start_[rows++] = has_phase && node[volume] > 0 ? static_cast<Real>(node[phase]) / static_cast<Real>(node[volume]) : 1.0;
+      mass_[r] = all + memory_ * all + (sums_ == Sums::all ? node[drive] : 0);
+      rhs[r] = all + (volumes ? 0 : memory_ * node[phase]);
+      Real start = has_phase && node[volume] > 0
+                       ? static_cast<Real>(node[phase]) / static_cast<Real>(node[volume])
+                       : 1.0;
+      if (increment) start_[r] = start;
+      if (has_last && last_solution_[i] != no_value) start = last_solution_[i] + last_change_[i];
+      solution[r] = start;
     }
   });
-  resize(rows);
 }
 
 // y = (M + H) x. Ghosts of x come while the part that needs none is under way. Nodes without a row hold 0 in `result_`.
@@ -242,28 +264,30 @@ template <class T>
 int PhaseSystem<Dim>::solve_in(State<Dim>& state, Result result) {
   auto assembly = state.timers.scope("phase assembly");
   find_rows<T>(state);
-  const GlobalIndex first_row = solver_.set_rows(static_cast<int>(rows_.size()));
+  const auto spare = form_ == Form::matrix ? LinearSolver::Spare::none : LinearSolver::Spare::some;
+  const GlobalIndex first_row = solver_.set_rows(static_cast<int>(rows_.size()), spare);
+  fill_rows<T>(state, result);
+  state.fields.zero(result_);
   if (form_ == Form::matrix) {
     with_stencil([&](auto stencil) { assemble<decltype(stencil), T>(state, first_row); });
   } else {
     if (form_ == Form::stencil) find_blocks(state.topology());
     const T* laplacian = state.fields.template data<T>(diagonal_);
-    std::vector<Real> diagonal(rows_.size());
-    for (std::size_t r = 0; r < rows_.size(); ++r) diagonal[r] = mass_[r] + laplacian[rows_[r]];
-    solver_.set_operator([this, &state](const Real* x, Real* y) { apply<T>(state, x, y); }, std::move(diagonal));
+    solver_.set_operator([this, &state](const Real* x, Real* y) { apply<T>(state, x, y); },
+                         [this, laplacian](Real* diagonal) {
+                           for (std::size_t r = 0; r < rows_.size(); ++r)
+                             diagonal[r] = mass_[r] + laplacian[rows_[r]];
+                         });
   }
-  if (form_ != Form::matrix) state.fields.zero(result_);
-  solution_ = start_;
-  if (result == Result::value) start_from_last_solution(state);
   assembly.stop();
   auto krylov = state.timers.scope("phase Krylov");
-  const int iterations = solver_.solve(rhs_, solution_);
+  const int iterations = solver_.solve();
   krylov.stop();
   if (result == Result::value) keep_solution(state);
-  state.fields.zero(result_);
+  const std::span<const Real> solution = solver_.solution();
   T* out = state.fields.template data<T>(result_);
   for (std::size_t r = 0; r < rows_.size(); ++r)
-    out[rows_[r]] = static_cast<T>(result == Result::value ? solution_[r] : solution_[r] - start_[r]);
+    out[rows_[r]] = static_cast<T>(result == Result::value ? solution[r] : solution[r] - start_[r]);
   return iterations;
 }
 
@@ -273,24 +297,24 @@ bool PhaseSystem<Dim>::starts_from_values(const State<Dim>& state) const {
 }
 
 template <int Dim>
-void PhaseSystem<Dim>::start_from_last_solution(const State<Dim>& state) {
-  if (last_sort_ != state.distribution.sorts()) return;
-  for (std::size_t r = 0; r < rows_.size(); ++r)
-    if (const Real last = last_solution_[rows_[r]]; last != no_value) solution_[r] = last + last_change_[rows_[r]];
-}
-
-template <int Dim>
 void PhaseSystem<Dim>::keep_solution(const State<Dim>& state) {
-  const std::size_t nodes = static_cast<std::size_t>(state.topology().owned()) * nodes_per_block<Dim>;
   const bool same_nodes = last_sort_ == state.distribution.sorts();
   last_sort_ = state.distribution.sorts();
-  last_change_.assign(nodes, 0);
-  if (same_nodes) {
-    for (std::size_t r = 0; r < rows_.size(); ++r)
-      if (const Real last = last_solution_[rows_[r]]; last != no_value) last_change_[rows_[r]] = solution_[r] - last;
+  if (!same_nodes) {
+    last_solution_.assign(row_nodes_.size(), no_value);
+    last_change_.resize(row_nodes_.size());
   }
-  last_solution_.assign(nodes, no_value);
-  for (std::size_t r = 0; r < rows_.size(); ++r) last_solution_[rows_[r]] = solution_[r];
+  const std::span<const Real> solution = solver_.solution();
+  std::size_t next = 0;  // node after the last row's; those between two rows have no solution
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const std::size_t i = rows_[r];
+    for (; next < i; ++next) last_solution_[next] = no_value;
+    next = i + 1;
+    const Real last = last_solution_[i];
+    last_change_[i] = last != no_value ? solution[r] - last : 0;
+    last_solution_[i] = solution[r];
+  }
+  std::fill(last_solution_.begin() + static_cast<std::ptrdiff_t>(next), last_solution_.end(), no_value);
 }
 
 template <int Dim>
@@ -316,11 +340,10 @@ void PhaseSystem<Dim>::project_phase(State<Dim>& state) {
 
 template <int Dim>
 MemoryAccount PhaseSystem<Dim>::memory() const {
-  return {{"phase_field/stencil", entries_.allocated() + capacity_bytes(touched_) + capacity_bytes(inner_) +
-                                      capacity_bytes(edge_)},
-          {"phase_field/rows", capacity_bytes(rows_) + capacity_bytes(mass_) + capacity_bytes(rhs_) +
-                                   capacity_bytes(solution_) + capacity_bytes(start_) + capacity_bytes(last_solution_) +
-                                   capacity_bytes(last_change_)},
+  return {{"phase_field/stencil",
+           entries_.allocated() + capacity_bytes(touched_) + capacity_bytes(inner_) + capacity_bytes(edge_)},
+          {"phase_field/rows", capacity_bytes(row_nodes_) + capacity_bytes(mass_) + capacity_bytes(start_) +
+                                   capacity_bytes(last_solution_) + capacity_bytes(last_change_)},
           {"phase_field/matrix rows",
            capacity_bytes(matrix_.values) + capacity_bytes(matrix_.columns) + capacity_bytes(matrix_.starts)},
           {"phase_field/PETSc", solver_.allocated_bytes()}};

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "mpm_hpc/effects/phase_field/active_set.hpp"
@@ -95,8 +96,9 @@ class PhaseSystem {
   template <class Stencil, class T>
   void stencil_to_field(State<Dim>& state);
   template <class T>
-  void find_rows(State<Dim>& state);
-  void start_from_last_solution(const State<Dim>& state);
+  void find_rows(const State<Dim>& state);
+  template <class T>
+  void fill_rows(const State<Dim>& state, Result result);
   void keep_solution(const State<Dim>& state);
 
   // f(OperatorStencil<Kernel, Dim>()) of the scene's kernel.
@@ -114,8 +116,11 @@ class PhaseSystem {
   std::vector<Part> parts_;
   const ActiveSet<Dim>* active_ = nullptr;
   FieldId values_, volume_sum_ = no_field, diagonal_, result_, product_ = no_field, stencil_ = no_field, row_number_ = no_field;
-  std::vector<std::size_t> rows_;  // node of each row: slot * nodes_per_block + node in block
-  std::vector<Real> mass_, rhs_, solution_, start_;
+  // By row: its node, slot * nodes_per_block + node in block; M_ii; c^n, for increments. The arrays have room for all owned
+  // nodes, whose number is that of the last sort, while rows come and go at each step.
+  std::span<const std::size_t> rows_;
+  std::vector<std::size_t> row_nodes_;
+  std::vector<Real> mass_, start_;
   // The last solution by owned node and its change since the one before, a far better start than the smoothed c^n; no_value
   // where there is none. It dies with the blocks at the next sort, and so it is gone at a checkpoint whether the run goes on or
   // restarts.
